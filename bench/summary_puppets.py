@@ -17,7 +17,7 @@ from fleet.bus import keys
 from fleet.bus.settings import BusSettings, zenoh_settings
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import SystemClock
-from fleet.config.schema import EdgeConfig
+from fleet.config.edge_section import EdgeConfig
 from fleet.host.edge.summaries import Summaries
 from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.model.health import Health

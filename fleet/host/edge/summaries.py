@@ -8,7 +8,7 @@ from typing import Protocol
 from fleet.bus import keys
 from fleet.bus.zenoh_session import Publisher, Query, ZenohSession
 from fleet.clock import Clock
-from fleet.config.schema import EdgeConfig
+from fleet.config.edge_section import EdgeConfig
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.causes import Onsets, folded, troubles_of
 from fleet.health.rollup import PERIOD

@@ -9,7 +9,8 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from fleet.config.certificates import Identity, issue_pair, make_authority
-from fleet.config.schema import BusConfig, CloudConfig, EdgeConfig, Sections
+from fleet.config.edge_section import EdgeConfig
+from fleet.config.schema import BusConfig, CloudConfig, Sections
 from fleet.doctor.finding import Rating
 from fleet.doctor.network import EdgePort, check_broker, check_endpoints, check_ports, ports_of, taken_ports
 

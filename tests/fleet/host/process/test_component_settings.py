@@ -2,7 +2,8 @@ import socket
 
 import pytest
 
-from fleet.config.schema import BusConfig, CloudConfig, EdgeConfig, FleetConfig
+from fleet.config.edge_section import EdgeConfig
+from fleet.config.schema import BusConfig, CloudConfig, FleetConfig
 from fleet.host.process.component_settings import (
     bridge_rules,
     bus_settings,
