@@ -95,9 +95,10 @@ class Computer:
     def request(self, key, payload=b"", kind=None):
         """Ask the edge something; the answer as ``kind``, None when there is none."""
         with contextlib.suppress(BusError):
-            if self._bus is None:
-                self._bus = join_control(BusSettings(self.name), self.runtime)
-            answers = self._bus.request(key, payload, timeout=2.0)
+            bus = self._bus  # another thread may leave the bus meanwhile
+            if bus is None:
+                bus = self._bus = join_control(BusSettings(self.name), self.runtime)
+            answers = bus.request(key, payload, timeout=2.0)
             return next((decode_json(data, kind) for _, data in answers), None)
         return None
 
@@ -171,7 +172,8 @@ class Pair:
         while not self._drives.is_set():
             for computer in self.computers.values():
                 if computer.run is not None and computer.drivable:
-                    computer.command(MOVE)
+                    with contextlib.suppress(Exception):  # its bus was closed meanwhile; it is asked again
+                        computer.command(MOVE)
             self._drives.wait(0.15)
 
     def moving(self, edge, since):
@@ -268,16 +270,28 @@ def holder_and_standby(pair):
 
 
 def ready(pair):
-    """Wait until one edge drives the robot and the other is standby; return holder and standby."""
+    """Wait until one edge drives the robot and the other is standby; return holder and standby.
+
+    A busy computer may lose its lease at any moment: then the edges have changed places.
+    """
+    return wait_until("an edge keeps the lease and drives the robot", lambda: driving(pair))
+
+
+def driving(pair):
+    """Return holder and standby once the holder drives the robot; None if it loses its lease meanwhile."""
     holder, other = holder_and_standby(pair)
-    wait_until("the robot is heard", lambda: holder.robot.reachable)
-    wait_until("the standby has seen the lease", lambda: "has the lease" in other.robot.cause)
+
+    def wait_for(what, holds):
+        wait_until(what, lambda: holds() or not holder.has_role("holder"))
+
+    wait_for("the robot is heard", lambda: holder.robot.reachable)
+    wait_for("the standby has seen the lease", lambda: "has the lease" in other.robot.cause)
     if holder.robot.emergency_stop:
-        wait_until("it is released", lambda: (said := holder.command(RELEASE)) and said.ok)
-        wait_until("the standby follows the release", lambda: not other.robot.emergency_stop)
+        wait_for("it is released", lambda: (said := holder.command(RELEASE)) and said.ok)
+        wait_for("the standby follows the release", lambda: not other.robot.emergency_stop)
     since = time.monotonic()
-    wait_until("the robot moves", lambda: pair.moving(holder.name, since))
-    return holder, other
+    wait_for("the robot moves", lambda: pair.moving(holder.name, since))
+    return (holder, other) if holder.has_role("holder") else None
 
 
 def took_over(pair, holder, other, lost_at, *, in_flight=0):
