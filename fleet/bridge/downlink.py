@@ -163,8 +163,7 @@ class Downlink:
         """
         topic, twin = one.message.topic, one.route.topic.twin
         if len(self._inbox) < MOST_WAITING and self._waiting < MOST_BYTES:
-            if self._stops:
-                self._stops.pop(twin, None)  # this message may start motion: the next stop counts again
+            self._stops.pop(twin, None)  # this message may start motion: the next stop counts again
         elif stops and topic not in self._stops.setdefault(twin, {}):
             self._stops[twin][topic] = one
         else:
@@ -183,7 +182,7 @@ class Downlink:
         while self._inbox:
             one = self._inbox.popleft()
             self._waiting = self._waiting - len(one.message.payload) if self._inbox else 0
-            waiting = self._stops and self._stops.get(one.route.topic.twin)
+            waiting = self._stops.get(one.route.topic.twin)
             if waiting and waiting.get(one.message.topic) is one:
                 waiting.pop(one.message.topic, None)
             try:
