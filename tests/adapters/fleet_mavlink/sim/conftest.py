@@ -154,3 +154,35 @@ class Bench:
 def bench() -> Callable[..., Bench]:
     """Make a bench: ``bench("px4", ready_after=4.6, faults={...})``."""
     return Bench
+
+
+@pytest.fixture
+def px4(bench: Callable[..., Bench]) -> Bench:
+    """Make a PX4 multirotor on the ground."""
+    return bench("px4")
+
+
+@pytest.fixture
+def flying(px4: Bench) -> Bench:
+    """Let a PX4 multirotor climb; the tests of other autopilots have a fixture of their own."""
+    px4.climb()
+    return px4
+
+
+@pytest.fixture
+def offboard(flying: Bench) -> Bench:
+    """Bring a flying PX4 into OFFBOARD."""
+    flying.stream(0.5, 0.0)
+    flying.set_mode("OFFBOARD")
+    assert flying.mode == "OFFBOARD"
+    return flying
+
+
+@pytest.fixture
+def rover(bench: Callable[..., Bench]) -> Bench:
+    """Make an armed ArduRover in GUIDED."""
+    it = bench("ardupilot", vehicle="rover")
+    it.run(0.5)
+    assert it.requests(176, 1, 15) == [0]  # DO_SET_MODE: GUIDED, accepted
+    assert it.requests(400, 1) == [0]
+    return it

@@ -9,25 +9,6 @@ ACCEPTED, REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
 NAN = math.nan
 
 
-@pytest.fixture
-def px4(bench):
-    return bench("px4")
-
-
-@pytest.fixture
-def flying(px4):
-    px4.climb()
-    return px4
-
-
-@pytest.fixture
-def offboard(flying):
-    flying.stream(0.5, 0.0)
-    flying.set_mode("OFFBOARD")
-    assert flying.mode == "OFFBOARD"
-    return flying
-
-
 def test_texts_are_withheld_until_a_station_is_heard(bench):
     px4 = bench("px4")
     px4.gcs = False

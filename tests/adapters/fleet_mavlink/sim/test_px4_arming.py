@@ -1,13 +1,6 @@
 """Arming checks of PX4, as they were seen on the wire."""
 
-import pytest
-
 ACCEPTED, REJECTED = 0, 1
-
-
-@pytest.fixture
-def px4(bench):
-    return bench("px4")
 
 
 def test_arming_is_refused_in_chunks_until_it_is_ready(bench):

@@ -6,25 +6,6 @@ import pytest
 from pymavlink.dialects.v20 import all as mav
 
 
-@pytest.fixture
-def px4(bench):
-    return bench("px4")
-
-
-@pytest.fixture
-def flying(px4):
-    px4.climb()
-    return px4
-
-
-@pytest.fixture
-def offboard(flying):
-    flying.stream(0.5, 0.0)
-    flying.set_mode("OFFBOARD")
-    assert flying.mode == "OFFBOARD"
-    return flying
-
-
 @pytest.mark.parametrize(("frame", "north", "east"), [(1, 4, 0), (8, 0, 4)])
 def test_velocity_frames(bench, frame, north, east):
     px4 = bench("px4", home=(47.397742, 8.545594, 488.0, 90.0))

@@ -1,20 +1,8 @@
 """Health of PX4 as it reports it."""
 
-import pytest
 from pymavlink.dialects.v20 import all as mav
 
 ACCEPTED, REJECTED, DENIED = 0, 1, 2
-
-
-@pytest.fixture
-def px4(bench):
-    return bench("px4")
-
-
-@pytest.fixture
-def flying(px4):
-    px4.climb()
-    return px4
 
 
 def test_a_terminated_flight_stays_armed_and_refuses_everything(flying):

@@ -10,15 +10,6 @@ MANUAL, HOLD, LOITER, RTL, GUIDED = 0, 4, 5, 11, 15
 AHEAD, KEEP = 0x0DC7, 0x05C7  # masks: velocity; velocity and rate of turn
 
 
-@pytest.fixture
-def rover(bench):
-    it = bench("ardupilot", vehicle="rover")
-    it.run(0.5)
-    assert it.requests(176, 1, GUIDED) == [ACCEPTED]
-    assert it.requests(400, 1) == [ACCEPTED]
-    return it
-
-
 def stopped_after(it, speed=0.1):
     """Let it stop; return metres and seconds."""
     north, east = it.body.north, it.body.east

@@ -9,15 +9,6 @@ HOLD, GUIDED = 4, 15
 AHEAD, KEEP = 0x0DC7, 0x05C7  # masks: velocity; velocity and rate of turn
 
 
-@pytest.fixture
-def rover(bench):
-    it = bench("ardupilot", vehicle="rover")
-    it.run(0.5)
-    assert it.requests(176, 1, GUIDED) == [ACCEPTED]
-    assert it.requests(400, 1) == [ACCEPTED]
-    return it
-
-
 def test_setpoints_in_hold_are_ignored(rover):
     rover.requests(176, 1, HOLD)
     rover.stream(2.0, 3.0, mask=AHEAD)
