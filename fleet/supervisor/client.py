@@ -49,11 +49,13 @@ class SupervisorClient:
     """Connection to the supervisor; without one (``sock`` None) all calls do nothing.
 
     ``folder`` is the runtime folder. ``register`` may be called from any thread and never waits.
+    ``edge_gone`` is true once the supervisor has said that the edge of this worker has ended.
     """
 
     def __init__(self, sock: socket.socket | None = None, folder: Path | None = None) -> None:
         self._sock = sock
         self._folder = folder
+        self.edge_gone = False
         self._edge = ""
         self._numbers = itertools.count(1)
         self._waiting: dict[int, Callable[[], None]] = {}
@@ -216,6 +218,7 @@ class SupervisorClient:
             case HaltRegistered() | HaltUnregistered():
                 self._waiting.pop(message.number, lambda: None)()
             case OrderlyEnd():
+                self.edge_gone = True
                 self._end("the edge is gone")
             case _:
                 log.error("the supervisor sent a %s", type(message).__name__)

@@ -40,7 +40,7 @@ from fleet.host.workers.reload import RELOADED, Reload
 from fleet.host.workers.worker_task import Importer, WorkerTask, read_task, task_of
 from fleet.runtime.event_loop import run as run_loop
 from fleet.runtime.realtime import NOT_PERMITTED, prefer_loop
-from fleet.supervisor.client import connect_supervisor
+from fleet.supervisor.client import SupervisorClient, connect_supervisor
 
 log = logging.getLogger(__name__)
 
@@ -99,7 +99,7 @@ async def run(task: WorkerTask, directory: Path, parent: int | None) -> int:
             log.error("the edge is gone: worker %s ends", name)
             ended.set()
 
-    journal.ends_are_reported = lambda: parent is None or os.getppid() == parent
+    journal.ends_are_reported = lambda: edge_lives(process.supervised, parent)
     process.scheduler.every(BEAT, show_life, failed=lambda _: ended.set())
     report_interrupted_commands(process, process.robots.values())
     process.start()
@@ -115,6 +115,15 @@ async def run(task: WorkerTask, directory: Path, parent: int | None) -> int:
         await process.close()
         end_logs()
     return RELOADED if reload.reloaded else 0
+
+
+def edge_lives(supervised: SupervisorClient, parent: int | None) -> bool:
+    """Return whether the edge can still report how commands ended; ``parent`` is its process, None elsewhere.
+
+    A process that dies closes its sockets before its children get another parent, so the supervisor knows
+    first: a command that this worker ends in between would otherwise count as reported.
+    """
+    return not supervised.edge_gone and (parent is None or os.getppid() == parent)
 
 
 def _end_motion(process: RobotProcess, robot: str, why: str) -> None:
