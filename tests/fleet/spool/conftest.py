@@ -1,9 +1,12 @@
 import pytest
 
+from fleet.spool.contents import SpoolContents
+from fleet.spool.disk_exchange import DiskExchange
 from fleet.spool.losses import Reason
 from fleet.spool.message import DeliveryOutcome, Outgoing
 from fleet.spool.queue import NEWEST_FIRST, SpoolQueue
 from fleet.spool.spool import AGES, Spool, SpoolSettings
+from fleet.spool.unwritten import GRACE
 from fleet.testing.clock import ManualClock
 from fleet.wire.rules import TrafficClass
 from tests.tools.waiting import wait_until
@@ -163,6 +166,47 @@ class Bench:
 
     def lost(self, topic):
         return sum(gap.lost for gap in self.queue.losses.known() if gap.topic == topic)
+
+
+class ExchangeBench:
+    """The contents of a spool while connected, and the disk thread's view of them."""
+
+    def __init__(self):
+        self.contents = SpoolContents(1000, 10**7, keeps_on_disk=True)
+        self.queues = self.contents.queues
+        self.queues.online = True
+        self.disk = DiskExchange(self.contents, 0)
+
+    def add(self, *seqs, topic="t", on_disk=False, since=0.0):
+        queue = self.queues.of(topic, TrafficClass.EVENT)
+        messages = [Outgoing(topic, b"", 1, seq=seq, since=since, on_disk=on_disk) for seq in seqs]
+        for message in messages:
+            self.contents.add(queue, message)
+        return messages
+
+    def written(self, now=GRACE):
+        """Write what is due; return it."""
+        work = self.disk.work(now)
+        self.disk.wrote(work)
+        return work
+
+    def fly(self, topic="t"):
+        """Send one message, which is not acknowledged yet."""
+        queue = self.queues[topic]
+        message = queue.pop()
+        self.contents.take(queue, message)
+        return message
+
+    @property
+    def counts(self):
+        """How many wait, how many of them on disk only, and how many messages memory has."""
+        return self.contents.waiting, self.contents.on_disk, self.contents.memory.count
+
+
+@pytest.fixture
+def exchange():
+    """Give the disk thread's view of an empty spool."""
+    return ExchangeBench()
 
 
 @pytest.fixture
