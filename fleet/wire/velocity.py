@@ -43,8 +43,10 @@ def read_velocity_contract(body: Mapping[str, object], *, where: str) -> tuple[V
         first = error.errors(include_url=False, include_input=False, include_context=False)[0]
         place = ".".join(str(part) for part in first["loc"])
         raise WireError(first["msg"], where=path(where, place)) from None
-    if command.duration_ms == 0 or getattr(command, "gait", "") == "stand":
+    if command.duration_ms == 0 or body.get("gait") == "stand":
         return ZERO_VELOCITY, 0.0
+    # Not getattr: the models keep unknown members as they came, and a gait in the aerial contract is one.
+    gait = command.gait if isinstance(command, LocomotionVelocityCommandV1) else ""
     linear = Vector3(command.linear_x, command.linear_y, getattr(command, "linear_z", 0.0))
     lease = min(max(command.duration_ms / 1000.0, SHORTEST_LEASE), LONGEST_LEASE)
-    return Velocity(linear, command.angular_z, getattr(command, "gait", "")), lease
+    return Velocity(linear, command.angular_z, gait), lease
