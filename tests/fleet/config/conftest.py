@@ -8,6 +8,7 @@ import pytest
 
 from fleet.config.load import load
 from fleet.config.problems import InvalidConfig
+from fleet.config.yaml import read
 from fleet.plugins.registry import GROUP, Registry
 
 TOY = pathlib.Path(__file__).with_name("toy.py")
@@ -55,6 +56,16 @@ class Yard:
 @pytest.fixture
 def yard(tmp_path):
     return Yard(tmp_path)
+
+
+@pytest.fixture
+def reading(tmp_path):
+    def reading(text, environ=None):
+        path = tmp_path / "fleet.yaml"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return read(path, environ or {})
+
+    return reading
 
 
 @pytest.fixture

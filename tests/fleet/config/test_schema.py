@@ -29,45 +29,6 @@ def refused(yard):
     return refused
 
 
-def test_the_environment_fills_what_the_cloud_section_leaves_out(section):
-    cloud = section(
-        "cloud: {port: 1}",
-        {
-            "CYBERWAVE_MQTT_HOST": "h",
-            "CYBERWAVE_MQTT_PORT": "2",
-            "CYBERWAVE_API_KEY": "12345",
-            "CYBERWAVE_MQTT_PROTOCOL": "311",
-            "CYBERWAVE_MQTT_USE_TLS": "1",
-            "CYBERWAVE_MQTT_USERNAME": "007",
-        },
-    ).cloud
-    assert (cloud.host, cloud.port, cloud.protocol, cloud.tls, cloud.username) == ("h", 1, 311, True, "007")
-    assert cloud.token.get_secret_value() == "12345"
-
-
-def test_an_empty_cloud_section_is_a_cloud_from_the_environment(section):
-    assert section("cloud:", {"CYBERWAVE_MQTT_HOST": "h"}).cloud.host == "h"
-
-
-def test_without_a_cloud_section_the_environment_makes_none(section):
-    assert section("", {"CYBERWAVE_MQTT_HOST": "h"}).cloud is None
-
-
-@pytest.mark.parametrize(
-    ("environ", "prefix"),
-    [
-        ({}, ""),
-        ({"CYBERWAVE_ENVIRONMENT": "production"}, ""),
-        ({"CYBERWAVE_ENVIRONMENT": " Production "}, ""),
-        ({"CYBERWAVE_ENVIRONMENT": "staging"}, "staging"),
-        ({"CYBERWAVE_ENVIRONMENT": "staging", "CYBERWAVE_TOPIC_PREFIX": "b"}, "b"),
-        ({"CYBERWAVE_TOPIC_PREFIX": "b", "CYBERWAVE_MQTT_TOPIC_PREFIX": "a"}, "a"),
-    ],
-)
-def test_the_prefix_comes_from_the_first_variable_that_is_set(section, environ, prefix):
-    assert section("cloud: {host: h}", environ).cloud.prefix == prefix
-
-
 def test_a_wrong_variable_is_reported_by_its_name(refused):
     assert refused("cloud: {host: h}", {"CYBERWAVE_MQTT_PORT": "no"}) == [
         (

@@ -5,16 +5,6 @@ import pytest
 from fleet.config.yaml import read
 
 
-@pytest.fixture
-def reading(tmp_path):
-    def reading(text, environ=None):
-        path = tmp_path / "fleet.yaml"
-        path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return read(path, environ or {})
-
-    return reading
-
-
 def problems_of(document):
     return [f"{each.line}:{each.column}: {each.message}" for each in document.problems]
 
