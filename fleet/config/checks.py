@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import stat
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
+from uuid import UUID
 
 from fleet.config.endpoints import (
     LONGEST_LISTENING_PATH,
@@ -54,9 +56,17 @@ def _unique(robot: object, identity: ValueIdentity | None) -> Iterator[tuple[str
     """Yield the values that robots must not share: description, value, and key to report."""
     for key in ("name", "twin"):
         if isinstance(robot, dict) and isinstance(robot.get(key), str):
-            yield key, robot[key].lower(), key
+            yield key, _canonical(key, robot[key]), key
     if identity is not None:
         yield _LINK, identity, "link"
+
+
+def _canonical(key: str, text: str) -> str:
+    """Return one spelling of a name or a twin: a uuid may have no hyphens, or stand in braces."""
+    if key == "twin":
+        with contextlib.suppress(ValueError):  # the model reports what is no uuid
+            return str(UUID(text))
+    return text.lower()
 
 
 def _place(index: int, key: str, document: Document) -> Mark:
@@ -174,9 +184,10 @@ def _check_stop_inputs(data: Mapping[str, object], document: Document) -> None:
     for index, one in enumerate(inputs):
         if not isinstance(one, dict):
             continue
-        if one.get("name") in taken:
+        called = one.get("name")
+        if isinstance(called, str) and called in taken:
             document.report(document.marks["stop_inputs", index, "name"], "another stop input has this name")
-        taken.add(str(one.get("name")))
+        taken.add(str(called))
         stopped = one.get("robots")
         for at, name in enumerate(stopped if isinstance(stopped, list) else ()):
             if isinstance(name, str) and name not in names:
