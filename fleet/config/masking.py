@@ -16,7 +16,7 @@ from fleet.config.problems import is_secret, masked
 from fleet.config.yaml import SHORTEST_SECRET, Document
 
 MASK = "****"
-_USER_IN_URL = re.compile(r"(://)[^/\s:@\"']+:[^/\s@\"']+@")
+_USER_IN_URL = re.compile(r"(://)[^/\s:@\"']*:[^/\s@\"']+@")
 _BEARER = re.compile(r"(?i)\b(bearer|basic)\s+[A-Za-z0-9._~+/=-]{8,}")
 
 
