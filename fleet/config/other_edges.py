@@ -13,6 +13,8 @@ from fleet.yaml_model import ExistingPath, Model, wrong
 
 _SERVER = re.compile(r"(?P<scheme>nats|tls)://(?P<host>[A-Za-z0-9._-]+|\[[0-9a-fA-F:.]+\]):(?P<port>\d{1,5})")
 
+LAST_PORT = 65_535
+
 
 class PartnerConfig(Model):
     """Another edge of the site, for missions of several edges."""
@@ -31,7 +33,7 @@ class PartnerConfig(Model):
 
 def check_server(text: str) -> str:
     """Refuse an invalid address of a NATS server."""
-    if _SERVER.fullmatch(text) is None:
+    if not 0 < port_of(text) <= LAST_PORT:
         raise ValueError(f"{text!r} is no server; write nats://HOST:4222, or tls://HOST:4222")
     return text
 
