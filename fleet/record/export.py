@@ -11,7 +11,7 @@ from typing import IO
 
 import msgspec
 from mcap.exceptions import McapError
-from mcap.reader import make_reader
+from mcap.reader import McapReader, NonSeekingReader, make_reader
 from mcap.records import Channel, Message, Schema
 from mcap.writer import CompressionType, Writer
 from zstandard import ZstdError
@@ -48,11 +48,11 @@ def recorded_in(folder: Path) -> list[RecordingSummary]:
 def recorded(path: Path) -> RecordingSummary:
     """Return the properties of a file: from its index, else from its name and modification time."""
     found = path.stat()
-    try:
-        with path.open("rb") as file:
+    with path.open("rb") as file:
+        try:
             summary = make_reader(file).get_summary()
-    except BROKEN:
-        summary = None
+        except (*BROKEN, OSError):  # OSError: it is shorter than the end of a file
+            summary = None
     if summary is None or summary.statistics is None:
         return RecordingSummary(str(path), found.st_size, begin_of(path) or found.st_mtime, found.st_mtime)
     counted = summary.statistics
@@ -121,6 +121,19 @@ def messages_of(files: list[RecordingSummary], since: float, until: float) -> It
     for recorded in files:
         with Path(recorded.path).open("rb") as file:
             try:
-                yield from make_reader(file).iter_messages(starting_at=start, ending_before=end)
+                yield from _messages_in(file, start, end)
             except BROKEN:
                 continue
+
+
+def _messages_in(file: IO[bytes], start: int, end: int | None) -> Iterator[FromFile]:
+    """Yield the messages of one file; in a truncated one, in the order in which they were written."""
+    reader: McapReader = make_reader(file)
+    try:
+        reader.get_summary()
+    except (*BROKEN, OSError):  # the reader needs the end of the file, and sorting would need all of it
+        file.seek(0)
+        reader = NonSeekingReader(file)
+        yield from reader.iter_messages(log_time_order=False, starting_at=start, ending_before=end)
+    else:
+        yield from reader.iter_messages(starting_at=start, ending_before=end)

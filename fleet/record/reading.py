@@ -27,8 +27,8 @@ class ReadMessage(msgspec.Struct, frozen=True):
 
     @property
     def edge(self) -> str:
-        """Its edge; empty for a report of a twin whose edge was not known."""
-        edge = self.topic.split("/")[1]
+        """Its edge; empty for a report of a twin whose edge was not known, and in files of other programs."""
+        edge = self.topic.partition("/")[2].partition("/")[0]
         return "" if edge == "twins" else edge
 
     @property
