@@ -48,6 +48,12 @@ def test_state_is_sent_at_once_and_repeated():
     assert position.traffic == TrafficClass.LATEST
 
 
+def test_a_new_channel_has_nothing_to_send_and_is_nobodys():
+    one = channel("position")
+    assert (one.fresh, one.ours, one.refused, one.dropped, one.sample) == (False, False, False, False, b"")
+    assert one.backlog == rulebook("lan").backlog
+
+
 def test_events_are_durable_shared_and_never_repeated():
     log = channel("driverlog")
     assert (log.at_once, log.durable, log.streams, log.shared) == (False, True, False, True)
