@@ -35,7 +35,7 @@ class Camera:
                 self._frames = frames(self.source.partition(":")[2], TIMEOUT)
             try:
                 return next(self._frames)
-            except OSError:
+            except Exception:
                 self._frames = None
                 raise
 

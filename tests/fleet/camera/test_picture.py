@@ -5,14 +5,9 @@ import pytest
 
 from fleet import Refused, Unsupported
 from fleet.camera import v4l2
-from fleet.camera.camera import Camera
 from fleet.camera.picture import jpeg_size, photograph, take_picture
 from fleet.testing.clock import ManualClock
-
-JPEG = (
-    bytes.fromhex("ffd8 ffe0 0004 0000 ffc0 0011 08 01e0 0280 03 011100021100031100 ffda".replace(" ", ""))
-    + b"data"
-)
+from tests.fleet.camera.pictures import JPEG
 
 
 @pytest.fixture
@@ -70,59 +65,11 @@ async def test_a_picture_that_is_too_large_is_refused(tmp_path):
         await take_picture(f"file:{tmp_path}/huge.jpg")
 
 
-@pytest.fixture
-def device(tmp_path, monkeypatch):
-    """Fake a V4L2 device: a file as its memory, and calls that answer as the kernel does."""
-    path = tmp_path / "video0"
-    path.write_bytes(JPEG.ljust(4096, b"\0"))
-    calls = []
-
-    def ioctl(_descriptor, call, argument):
-        calls.append(call)
-        if call == v4l2.QUERYBUF:
-            argument[72:76] = (4096).to_bytes(4, "little")
-        if call == v4l2.DQBUF:
-            argument[8:12] = len(JPEG).to_bytes(4, "little")
-
-    monkeypatch.setattr("fleet.camera.v4l2.fcntl.ioctl", ioctl)
-    return path, calls
-
-
 async def test_a_picture_comes_from_a_video_device_after_its_warm_up(device):
     path, calls = device
     assert (await take_picture(f"v4l2:{path}")).data == JPEG
     assert calls.count(v4l2.DQBUF) == v4l2.WARM_UP
     assert calls[-1] == v4l2.STREAMOFF
-
-
-async def test_a_cameras_device_stays_open_from_its_first_picture_to_its_end(device):
-    path, calls = device
-    camera = Camera(f"v4l2:{path}")
-    assert [(await camera.picture()).data for _ in range(4)] == [JPEG] * 4
-    assert (calls.count(v4l2.STREAMON), calls.count(v4l2.DQBUF)) == (1, 4)
-    await camera.close()
-    assert calls[-1] == v4l2.STREAMOFF
-
-
-async def test_a_cameras_device_that_failed_is_opened_anew(device):
-    path, _ = device
-    camera = Camera(f"v4l2:{path}")
-    content = path.read_bytes()
-    path.unlink()
-    with pytest.raises(Refused, match="No such file"):
-        await camera.picture()
-    path.write_bytes(content)
-    assert (await camera.picture()).data == JPEG
-    await camera.close()
-
-
-async def test_a_camera_that_is_a_file_shows_what_is_in_it_now(tmp_path):
-    path = tmp_path / "shot.jpg"
-    camera = Camera(f"file:{path}")
-    for more in (b"1", b"2"):
-        path.write_bytes(JPEG + more)
-        assert (await camera.picture()).data == JPEG + more
-    await camera.close()
 
 
 async def test_a_video_device_that_has_no_jpeg_is_refused(device, monkeypatch):
