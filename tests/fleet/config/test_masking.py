@@ -23,6 +23,14 @@ def test_no_secret_stays_in_a_text_in_any_notation(secret, before, after):
         assert mask.finds(f"{before}{form}{after}".encode())
 
 
+@pytest.mark.parametrize(
+    "form",
+    ['a"b/\u00e4\\d', r"a\"b/\u00e4\\d", 'a\\"b/\u00e4\\\\d', "a%22b/%C3%A4%5Cd", "a%22b%2F%C3%A4%5Cd"],
+)
+def test_each_notation_is_masked_as_a_whole(form):
+    assert Masking(['a"b/\u00e4\\d']).text(f"x {form} y") == f"x {MASK} y"
+
+
 def test_each_line_of_a_secret_is_a_secret():
     mask = Masking(["first-line\nsecond-line\n"])
     assert mask.text("a first-line b") == f"a {MASK} b"
