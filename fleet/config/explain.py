@@ -125,7 +125,15 @@ def _report(error: ValidationError, model: type[BaseModel], at: YamlPath, docume
             continue
         if each["type"] == "missing" and (location[:-1], f"did you mean {location[-1]!r}?") in misspelt:
             continue
+        if each["type"] == "too_short" and _is_long_enough(each):
+            continue
         _report_one(each, model, path, document)
+
+
+def _is_long_enough(error: _Error) -> bool:
+    """Return True for a list that is too short only because pydantic counts no item that has an error."""
+    given = error["input"]
+    return isinstance(given, list | tuple) and len(given) >= error["ctx"]["min_length"]
 
 
 def _report_one(error: _Error, model: type[BaseModel], path: YamlPath, document: Document) -> None:
