@@ -138,6 +138,13 @@ def test_topics_share_the_room_in_memory_and_each_gets_a_few_when_there_is_none(
     assert [fetch.limit for fetch in exchange.disk.fetches()] == [limit, limit]
 
 
+def test_a_single_topic_has_all_of_the_room(exchange):
+    exchange.add(*range(900), topic="other")
+    exchange.queues.of("t", EVENT).on_disk = 1
+    exchange.queues.reschedule(exchange.queues["t"])
+    assert [fetch.limit for fetch in exchange.disk.fetches()] == [100]
+
+
 def test_nothing_is_fetched_for_nobody(exchange):
     exchange.add(1)
     assert (exchange.disk.fetches(), exchange.disk.needs_fetch) == ([], False)

@@ -130,8 +130,10 @@ def test_a_purged_spool_has_neither_messages_nor_losses_and_can_be_filled_again(
 def test_a_purged_spool_leaves_nothing_of_its_messages_on_disk(tmp_path, store):
     store.change([message(9, "t", EVENT, b"precious" * 4000, 1.0)], [])
     store.close()
+    before = (tmp_path / SPOOL).stat().st_size
     purge(tmp_path)
     assert b"precious" not in (tmp_path / SPOOL).read_bytes()
+    assert (tmp_path / SPOOL).stat().st_size < before
 
 
 def test_nothing_is_made_to_purge_a_spool_that_was_never_written(tmp_path):
