@@ -13,6 +13,34 @@ def test_every_code_is_one_line_that_speaks_of_the_broker():
     assert "\n" not in "".join(lines)
 
 
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        (0x84, "protocol version"),
+        (0x85, "client id"),
+        (0x86, "user name or password"),
+        (0x87, "does not allow"),
+        (0x88, "not available"),
+        (0x89, "busy"),
+        (0x8A, "banned"),
+        (0x8B, "shutting down"),
+        (0x8C, "another way to authenticate"),
+        (0x8D, "received nothing from us in time"),
+        (0x8E, "another client"),
+        (0x93, "too many messages in flight"),
+        (0x95, "too large"),
+        (0x96, "too fast"),
+        (0x97, "quota"),
+        (0x98, "administrator"),
+        (0x9C, "use another server"),
+        (0x9D, "moved"),
+        (0x9F, "too often"),
+    ],
+)
+def test_a_code_means_what_the_standard_says(code, words):
+    assert words in reasons.sentence(code)
+
+
 def test_an_unknown_code_is_told_as_a_number():
     assert reasons.sentence(0x80) == "the broker gave the reason 0x80"
     assert reasons.sentence(0x01) == "the broker gave the reason 0x01"

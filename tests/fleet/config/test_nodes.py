@@ -152,6 +152,7 @@ def test_siblings_are_not_nested():
         ("a: 1\n  b: 2\n", 2, 4, "mapping values are not allowed", "indent it"),
         ("a: 'x\n", 2, 1, "found unexpected end of stream", "closing quote"),
         ("a: *b\n", 1, 4, "found undefined alias", "must be quoted"),
+        ("[1, }\n", 1, 5, "did not find expected node content while parsing a flow node", "closing bracket"),
         ("a: 1\n---\nb: 2\n", 2, 1, "but found another document", ""),
     ],
 )

@@ -25,6 +25,10 @@ YARD = Summary(
 )
 
 
+def named(edge):
+    return Summary(edge, "1.0", 1.0, 1.0)
+
+
 def samples(metrics):
     """Return the values of metrics by name and labels."""
     return {
@@ -77,9 +81,9 @@ def test_of_an_edge_that_is_not_up_only_its_reach_is_told():
     now = 1000.0
     seen = [
         SeenEdge("yard", True, 0.0, YARD, heard=now),
-        SeenEdge("silent", True, 0.0, YARD, heard=now - SILENT_AFTER - 1),
-        SeenEdge("gone", False, now, YARD, heard=now),
-        SeenEdge("unseen", True, 0.0, YARD, heard=now, unseen=now),
+        SeenEdge("silent", True, 0.0, named("silent"), heard=now - SILENT_AFTER - 1),
+        SeenEdge("gone", False, now, named("gone"), heard=now),
+        SeenEdge("unseen", True, 0.0, named("unseen"), heard=now, unseen=now),
         SeenEdge("new", True, now),
     ]
     found = samples(fleet_metrics(seen, now))

@@ -9,6 +9,11 @@ from fleet.link.canbus.frame import FD_LENGTHS, HIGHEST_ID, STANDARD_ID, CanFram
 IDS = st.integers(0, HIGHEST_ID)
 
 
+def test_the_limits_are_those_of_can():
+    assert (STANDARD_ID, HIGHEST_ID) == (2**11 - 1, 2**29 - 1)
+    assert sorted(FD_LENGTHS) == [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64]
+
+
 @given(IDS, st.binary(max_size=8))
 def test_a_classic_frame_comes_back_as_it_was(number, data):
     frame = CanFrame(number, data)
