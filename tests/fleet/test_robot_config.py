@@ -86,6 +86,16 @@ def test_times_have_bounds(field, low, high):
         assert refused(**{field: value})["loc"] == (field,)
 
 
+def test_what_a_robot_does_not_say_is_cautious():
+    config = robot()
+    assert (config.setpoint_lease, config.max_age, config.command_max_age) == (0.5, 0.5, 5.0)
+    assert (config.clock_skew, config.control_lease, config.legacy_status) == (0.3, 3.0, True)
+    assert (config.accepts, config.limits) == (Accepts(), Limits())
+    assert (config.fence, config.battery_policy) == (None, None)
+    policy = BatteryPolicy()
+    assert (policy.reserve, policy.low, policy.action, policy.endurance) == (15.0, 20.0, "warn", None)
+
+
 # -- the fence ----------------------------------------------------------------------------------------
 
 

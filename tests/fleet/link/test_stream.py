@@ -131,6 +131,8 @@ async def test_the_other_side_ends_the_link(pair, loss_reason):
     assert received.data == b"bye"
     with pytest.raises(LinkLost, match="the other side closed it"):
         link.send(b"x")
+    watched = asyncio.get_running_loop().remove_reader(link.fileno())
+    assert not watched, "a dead descriptor stays readable for ever"
 
 
 @pytest.mark.parametrize("error", [BlockingIOError(), InterruptedError()])
