@@ -56,16 +56,15 @@ def _unique(robot: object, identity: ValueIdentity | None) -> Iterator[tuple[str
     """Yield the values that robots must not share: description, value, and key to report."""
     for key in ("name", "twin"):
         if isinstance(robot, dict) and isinstance(robot.get(key), str):
-            yield key, _canonical(key, robot[key]), key
+            yield key, _canonical_uuid(robot[key]) if key == "twin" else robot[key].lower(), key
     if identity is not None:
         yield _LINK, identity, "link"
 
 
-def _canonical(key: str, text: str) -> str:
-    """Return one spelling of a name or a twin: a uuid may have no hyphens, or stand in braces."""
-    if key == "twin":
-        with contextlib.suppress(ValueError):  # the model reports what is no uuid
-            return str(UUID(text))
+def _canonical_uuid(text: str) -> str:
+    """Return one spelling of a uuid, which may have no hyphens, or stand in braces."""
+    with contextlib.suppress(ValueError):  # the model reports what is no uuid
+        return str(UUID(text))
     return text.lower()
 
 
@@ -259,11 +258,15 @@ def _check_console_map(data: Mapping[str, object], document: Document) -> None:
 
 
 def _check_workflows(data: Mapping[str, object], document: Document) -> None:
-    """Report unknown missions in workflows."""
+    """Report unknown missions in workflows, and the second spelling of a uuid: it would replace the first."""
     cloud, missions = data.get("cloud"), data.get("missions")
     workflows = cloud.get("workflows") if isinstance(cloud, dict) else None
     known = set(missions) if isinstance(missions, dict) else set()
+    uuids = set[str]()
     for uuid, one in workflows.items() if isinstance(workflows, dict) else ():
+        if _canonical_uuid(str(uuid)) in uuids:
+            document.report(document.marks["cloud", "workflows", uuid], "another workflow has this uuid")
+        uuids.add(_canonical_uuid(str(uuid)))
         mission = one.get("mission") if isinstance(one, dict) else None
         if isinstance(mission, str) and mission not in known:
             mark = document.marks["cloud", "workflows", uuid, "mission"]

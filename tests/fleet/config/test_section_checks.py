@@ -10,6 +10,7 @@ from fleet.config.checks import check_bus, check_consoles, check_names, check_wo
 # -- names --------------------------------------------------------------------------------------------
 
 ORIGIN = "site: {origin: [latitude, longitude, altitude]}"
+UUID = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 BASE = "robots: [{name: rex}, {name: kes}]\ngroups: {yard: [rex]}\nmissions: {patrol: {}}\n"
 
 
@@ -38,6 +39,11 @@ BASE = "robots: [{name: rex}, {name: kes}]\ngroups: {yard: [rex]}\nmissions: {pa
             ["schedules.s.on_event.robots[0]: there is no robot 'yard'"],
         ),
         ("cloud: {workflows: {u: {mission: patrol}, v: 3}}", []),
+        (f"cloud: {{workflows: {{{UUID}: 1, v: 2}}}}", []),
+        (
+            f"cloud: {{workflows: {{{UUID}: 1, {UUID.replace('-', '').upper()}: 2}}}}",
+            [f"cloud.workflows.{UUID.replace('-', '').upper()}: another workflow has this uuid"],
+        ),
         ("cloud: {workflows: {u: {mission: x}}}", ["cloud.workflows.u.mission: there is no mission 'x'"]),
         ("partners: {barn: {robots: [max]}, hall: 3}\nedge: {id: e}", []),
         ("partners: {barn: {}}\nedge: {id: barn}", ["partners.barn: this is the edge of this file"]),
