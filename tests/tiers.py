@@ -55,6 +55,7 @@ BUT = (
     "fleet/config/test_schema.py",
     "fleet/link/test_tcp.py",
     "fleet/link/test_udp.py",
+    "fleet/spool/test_disk.py",
     "fleet/spool/test_spool.py",
     # simulate walking and flying, which takes seconds of processor time
     "adapters/fleet_quadruped/body/test_posing.py",
