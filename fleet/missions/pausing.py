@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import msgspec
+
 from fleet.missions.facts import RobotFacts
 from fleet.missions.program import Program
 from fleet.missions.run_robots import RunRobots
@@ -58,14 +60,14 @@ class Pausing:
         head = self._head
         if head.phase is not Phase.PAUSED:
             return
-        asking = head.question is not None and head.question.about != "resume"
-        trouble = "" if confirmed or asking else self._change()
+        question = head.question if head.question is not None and head.question.about != "resume" else None
+        trouble = "" if confirmed or question is not None else self._change()
         if trouble:
             self._steps.losses.ask(f"{trouble}. Resume anyway?", "resume")
             return
         head.phase, paused = head.paused_from, self._now - head.paused_at
         head.until += paused
-        head.question = head.question if asking else None
+        head.question = question and msgspec.structs.replace(question, until=question.until + paused)
         for part in self._robots.active():
             part.until += paused
             self._robots.touched[part.identity] = part
