@@ -209,6 +209,12 @@ def test_one_within_another_may_be_late_alone(nested):
     assert missions.late(70.0) == (3, NESTED[3])
 
 
+def test_one_without_a_deadline_is_never_late():
+    steps = Enter("in", "scan", "in.all", 3, {}), do("in.go"), Leave(0, "in")
+    head = Head(Phase.STEP, at=1, entered={"0": 0.0})
+    assert InnerMissions(Program("day", steps, {}), head, RunRobots("run", [])).late(1e6) is None
+
+
 def test_one_whose_begin_is_not_recorded_begins_now(nested):
     missions, _, _ = nested(4, entered={})
     assert missions.late(1e6) is None

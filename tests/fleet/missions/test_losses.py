@@ -3,7 +3,7 @@
 import pytest
 
 from fleet.missions.losses import ANSWERED_WITHIN
-from fleet.missions.program import Act, Ask, Enter, Leave, Require, Wait
+from fleet.missions.program import Act, Ask, Condition, Enter, Leave, Require, Wait, WaitFor
 from fleet.missions.state import (
     Abort,
     EmergencyStop,
@@ -37,9 +37,7 @@ def test_a_robot_that_fails_in_a_step_does_what_the_step_says_of_failed_robots(p
 
 
 def test_a_robot_that_fails_between_steps_is_halted(play):
-    run = play(Wait("rest", 30.0), do())
-    run.engine.steps.losses.lose("beast", PartOutcome.FAILED, "its motor stalls")
-    run.wait(0.1)
+    run = play(Wait("rest", 30.0), do()).take(lost("beast", "its motor stalls", PartOutcome.FAILED))
     assert run.begun() == [("beast", "stop")]
     assert run.engine.head.phase is Phase.WAITING
 
@@ -63,8 +61,8 @@ def test_a_robot_is_lost_once(play):
 
 def test_a_loss_while_the_run_ends_changes_nothing_of_its_end(play):
     run = play(do(failed_do="land", failed_then="wait")).take(Abort("anna"))
-    run.engine.steps.losses.lose("beast", PartOutcome.FAILED, "its motor stalls")
-    assert ("beast", "land") not in run.begun()
+    run.take(lost("beast", "its motor stalls", PartOutcome.FAILED))
+    assert run.begun()[3:] == [("kestrel", "stop"), ("beast", "stop"), ("rover", "stop")]
     assert run.engine.head.question is None
     assert run.engine.head.reason == "aborted by anna"
 
@@ -80,6 +78,12 @@ def test_who_follows_one_that_follows_the_lost_robot_has_failed_too(play):
     run.take(lost("kestrel"))
     assert run.outcomes() == {"kestrel": "lost", "beast": "failed", "rover": "failed"}
     assert run.engine.robots.members["rover"].reason == "it followed beast, which is out of the run"
+
+
+def test_who_follows_another_or_goes_to_a_place_of_that_name_stays(play):
+    acts = {"eye": (Act("goto", "rover"),), "feet": (Act("follow", "eye"),)}
+    run = play(do(acts=acts), quorum={}).take(lost("rover"))
+    assert run.outcomes() == {"kestrel": None, "beast": None, "rover": "lost"}
 
 
 def test_a_loss_within_the_quorum_lets_the_run_go_on(play):
@@ -203,6 +207,22 @@ def test_a_late_mission_makes_its_robots_safe_at_its_end(inner, paused, how):
     assert run.begun()[2:] == [("beast", word), ("rover", word)]
     assert run.engine.head.at == 2
     assert run.engine.robots.members["beast"].reason == ("mission scan failed: its deadline of 20 s is over")
+
+
+@pytest.mark.parametrize("within", [True, False])
+def test_a_condition_that_does_not_occur_fails_the_mission_that_waits_for_it(play, within):
+    wait = WaitFor("for", Condition("feet", event="person_seen"), 30.0)
+    steps = (Enter("in", "scan", "in.all", 3, {}), wait, Leave(0, "in")) if within else (wait,)
+    run = play(*steps, do("home"), plays=PLAYS, quorum={}).wait(31.0)
+    if not within:
+        assert run.engine.head.reason == "step for.1: its condition did not occur in time"
+        return
+    assert run.outcomes() == {"kestrel": None, "beast": "failed", "rover": "failed"}
+    assert run.engine.robots.members["beast"].reason == (
+        "mission scan failed: step for.2: its condition did not occur in time"
+    )
+    run.stands("beast", "rover")
+    assert run.begun()[-1] == ("kestrel", "goto")
 
 
 def test_the_step_that_carries_a_late_mission_may_end_the_run(inner):

@@ -153,6 +153,20 @@ def test_a_robot_that_has_moved_is_told_before_the_run_goes_on(play):
     assert held(run, resumes=True) == EVERYBODY
 
 
+def test_who_resumes_again_is_asked_again_until_the_robot_is_where_it_was(play):
+    run = play(do()).take(Pause("anna")).take(Facts("beast", position=(9.0, 0.0, 0.0)))
+    run.take(Resume("anna")).take(Resume("anna"))
+    assert (run.engine.head.phase, run.engine.head.question.id) == (Phase.PAUSED, 2)
+    run.take(Facts("beast", position=(1.0, 0.0, 0.0))).take(Resume("anna"))
+    assert (run.engine.head.phase, run.engine.head.question) == (Phase.STEP, None)
+
+
+def test_a_run_that_asks_something_else_already_asks_nothing_more(play):
+    run = play(Ask("sure", "Go on?", 30.0), do()).take(Pause("anna"))
+    run.take(Facts("beast", position=(9.0, 0.0, 0.0))).take(Resume("anna"))
+    assert (run.engine.head.phase, run.engine.head.question.text) == (Phase.ASKING, "Go on?")
+
+
 def test_a_robot_that_lacks_what_is_required_is_told_before_it_has_moved(play):
     run = play(do(), require=Require(battery_min=50)).take(Pause("anna"))
     run.take(Facts("rover", "ok", 40.0, (50.0, 0.0, 0.0))).take(Resume("anna"))
