@@ -7,6 +7,7 @@ replaces ``{input: NAME}`` by values before the models validate the data.
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, ConfigDict, Field, model_validator
@@ -95,6 +96,8 @@ class InputConfig(Model):
         if not isinstance(value, allowed) or (isinstance(value, bool) and self.type != "boolean"):
             return f"must be {self.type}, not {value!r}"
         if isinstance(value, int | float) and not isinstance(value, bool):
+            if isinstance(value, float) and not math.isfinite(value):  # no bound would refuse nan
+                return "must be a finite number"
             if self.min is not None and value < self.min:
                 return f"must be at least {self.min:g}"
             if self.max is not None and value > self.max:
