@@ -4,7 +4,6 @@ import pytest
 
 from fleet.missions.program import Act, Ask, Wait
 from fleet.missions.state import (
-    NEXT,
     Abort,
     EmergencyStop,
     Ended,
@@ -12,9 +11,7 @@ from fleet.missions.state import (
     LogNote,
     PartOutcome,
     Pause,
-    PersonAnswer,
     Phase,
-    Restarted,
     RunOutcome,
     StopAll,
     Tick,
@@ -207,27 +204,6 @@ def test_a_robot_that_is_being_made_safe_is_not_halted_too(play):
     assert run.ended is RunOutcome.FAILED
 
 
-@pytest.mark.parametrize(
-    ("phase", "outcome", "reason"),
-    [
-        (Phase.HALTING, RunOutcome.UNDO_FAILED, "so it was; the edge restarted while it was undone"),
-        (Phase.UNDOING, RunOutcome.UNDO_FAILED, "so it was; the edge restarted while it was undone"),
-        (Phase.ENDING, RunOutcome.FAILED, "so it was"),
-    ],
-)
-def test_an_end_that_a_restart_cut_off_is_held_and_undoes_nothing_more(play, phase, outcome, reason):
-    run = play(do(undo=TAKEOFF), on_failure="hold" if phase is Phase.ENDING else "undo")
-    fails(run)
-    if phase is Phase.UNDOING:
-        run.stands(*EVERYBODY)
-    assert run.engine.head.phase is phase
-    before = len(run.begun())
-    run.take(Restarted())
-    assert run.begun()[before:] == [(robot, "stop") for robot in EVERYBODY]
-    run.stands(*EVERYBODY)
-    assert (run.ended, run.engine.head.reason) == (outcome, reason)
-
-
 def test_a_run_that_comes_to_its_end_is_completed(play):
     run = play(do())
     for robot in EVERYBODY:
@@ -235,19 +211,6 @@ def test_a_run_that_comes_to_its_end_is_completed(play):
     assert run.of(Ended) == [Ended(RunOutcome.COMPLETED, "")]
     assert run.outcomes() == dict.fromkeys(EVERYBODY, PartOutcome.DONE)
     assert run.of(LogNote)[-1].text == "The run has ended: completed"
-
-
-@pytest.mark.parametrize("later", [False, True])
-def test_a_robot_whose_last_step_nobody_saw_to_its_end_is_not_said_to_have_done_it(play, later):
-    run = play(do(), *([do("home")] if later else [])).take(Restarted())
-    run.stands(*EVERYBODY).take(PersonAnswer(1, goes_on=True, by="anna"))
-    for robot in EVERYBODY if later else ():
-        run.wait(1.0).reply(robot)
-    assert run.ended is (RunOutcome.COMPLETED if later else RunOutcome.WITH_LOSSES)
-    expected = (
-        (PartOutcome.DONE, "") if later else (PartOutcome.UNKNOWN, "the end of step go.1 was not observed")
-    )
-    assert {(each.outcome, each.reason) for each in run.engine.robots.members.values()} == {expected}
 
 
 def test_after_its_end_nothing_ends_it_again(play):
@@ -268,10 +231,3 @@ def test_a_run_that_is_closed_gives_up_what_is_under_way(play):
     assert {(part.outcome, part.reason) for part in parts} == {(PartOutcome.UNKNOWN, "the run ended")}
     assert run.ended is RunOutcome.UNKNOWN
     assert run.engine.robots.active() == []
-
-
-def test_no_phase_is_entered_again_once_the_end_has_begun():
-    order = [Phase.HALTING, Phase.UNDOING, Phase.ENDING, Phase.ENDED]
-    for at, phase in enumerate(order):
-        assert NEXT[phase] <= set(order[at:])
-    assert NEXT[Phase.ENDED] == frozenset()

@@ -8,7 +8,6 @@ from fleet.missions.state import (
     Abort,
     Begin,
     Facts,
-    Head,
     Left,
     LogNote,
     Occupy,
@@ -221,57 +220,3 @@ def test_after_the_end_no_event_has_an_effect(play):
     ):
         run.take(event)
     assert run.effects == []
-
-
-@pytest.mark.parametrize(
-    ("policy", "phase", "about"),
-    [
-        ("continue", Phase.WAITING, None),
-        ("hold_and_ask", Phase.PAUSED, "resume"),
-        ("fail", Phase.ENDING, None),
-    ],
-)
-def test_a_restart_between_steps_follows_the_mission(play, policy, phase, about):
-    run = play(Wait("rest", 30.0), do(), on_restart=policy).take(Restarted())
-    question = run.engine.head.question
-    assert (run.engine.head.phase, question and question.about) == (phase, about)
-    assert "The edge restarted; the outcome of active commands is unknown" in texts(run)
-    if about:
-        assert question.text == "The edge restarted before the end of step rest.1. Resume?"
-    if policy == "fail":
-        assert run.engine.head.reason == "the edge restarted in step rest.1"
-
-
-@pytest.mark.parametrize("policy", ["continue", "hold_and_ask"])
-@pytest.mark.parametrize("paused", [False, True])
-def test_a_restart_within_a_step_halts_and_asks_whatever_the_mission_says(play, policy, paused):
-    run = play(do(), do("home"), on_restart=policy)
-    if paused:
-        run.take(Pause("anna"))
-    run.take(Restarted())
-    assert run.begun()[3:] == [(robot, "stop") for robot in EVERYBODY]
-    assert {part.outcome for part in run.engine.robots.parts_of("go.1")} == {PartOutcome.UNKNOWN}
-    assert run.engine.head.phase is Phase.ASKING
-    assert run.engine.head.question.text == ("The edge restarted in step go.1. Continue with the next step?")
-    assert run.engine.head.question.about == "restart"
-
-
-def test_a_question_that_was_open_stays_open_after_a_restart(play):
-    run = play(Ask("sure", "Go on?", 30.0), do())
-    before = run.engine.head.question
-    run.take(Restarted())
-    assert (run.engine.head.phase, run.engine.head.question) == (Phase.ASKING, before)
-
-
-@pytest.mark.parametrize(("occupies", "begins"), [((), True), (("gate",), False)])
-def test_a_restart_before_the_first_step_begins_it_or_asks_for_the_places_again(play, occupies, begins):
-    run = play(do(), occupies=occupies, on_restart="continue")
-    head = Head(Phase.OCCUPYING if occupies else Phase.NEW)
-    engine = Engine(
-        "run", run.program, [RunMember("kestrel", "eye", 0), RunMember("rover", "feet", 0)], head=head
-    )
-    for robot in ("kestrel", "rover"):
-        engine.handle(Facts(robot), 0.0)
-    effects = engine.handle(Restarted(), 0.0)
-    assert any(isinstance(each, Begin) for each in effects) is begins
-    assert any(isinstance(each, Occupy) for each in effects) is not begins
