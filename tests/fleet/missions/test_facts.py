@@ -53,7 +53,7 @@ def test_it_says_what_is_seen_of_a_robot(facts, words):
 @pytest.mark.parametrize("worst", ["ok", "degraded"])
 def test_a_health_worse_than_the_worst_permitted_is_refused(health, worst):
     lacking = seen(Facts("rex", health)).lacks("rex", Require(worst))
-    meets = health == "ok" or health == worst
+    meets = health in ("ok", worst)
     assert lacking == ("" if meets else f"its health is {health}, {worst} is required")
 
 

@@ -38,6 +38,7 @@ def test_every_robot_holds_and_who_paused_is_told(play):
     assert (held(run), run.engine.head.phase) == (EVERYBODY, Phase.PAUSED)
     assert notes(run)[-1] == ("anna paused the run", "", "go.1")
     assert notes(play(do()).take(Pause()))[-1][0] == "Somebody paused the run"
+    assert notes(play(do()).take(Pause()).take(Resume()))[-1][0] == "Somebody resumed the run"
 
 
 @pytest.mark.parametrize("verb", ["command", "goto", "path", "plan"])

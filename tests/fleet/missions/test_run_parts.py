@@ -149,7 +149,9 @@ def test_a_halt_does_not_hide_that_a_robot_comes_down():
 )
 def test_the_end_of_a_part_is_told_with_its_reason(robots, outcome, words):
     part = begin(robots)
+    robots.touched.clear()
     robots.end(part, outcome, "so it was", 6.0)
+    assert robots.touched == {part.identity: part}
     robots.end(part, PartOutcome.DONE, "later", 7.0)
     assert (part.outcome, part.reason, part.ended) == (outcome, "so it was", 6.0), "an end is final"
     assert notes(robots)[1:] == [(f"{words}: so it was", "beast", "go.1")]

@@ -137,5 +137,6 @@ def test_a_shortage_is_told_with_the_role_and_both_numbers(robots, quorum, with_
 
 def test_an_unused_spare_is_no_lost_robot(robots):
     assert not robots.has_lost_robot()
+    assert robots.shortage({"feet": 3}) == "role feet has 2 of the 3 robots that it needs"
     robots.lose("rover", PartOutcome.FAILED, "no", 1.0)
     assert robots.has_lost_robot()

@@ -1,7 +1,5 @@
 """Runs of an edge whose robots answer by hand: recorded, commanded, given back, taken up again."""
 
-import sqlite3
-
 import pytest
 
 from fleet.config.missions import mission_of
@@ -9,7 +7,6 @@ from fleet.errors import Refused
 from fleet.missions.filling import rehearse_command
 from fleet.missions.report import MissionStartRequest, RunControlRequest
 from fleet.missions.runs import BACK_WITHIN, JOIN_WITHIN
-from fleet.missions.store import RunStore
 from fleet.model.command import Transport
 from tests.fleet.missions.yard import MISSION
 
@@ -41,35 +38,6 @@ def test_a_state_that_still_names_a_run_which_has_ended_keeps_no_robot_from_the_
     yard.robots["beast"].be(run="3f2a")  # sent by its worker before it was told to leave
     ((run, _, refusal),) = yard.start(run="77b0")
     assert (run, refusal) == ("77b0", "")
-
-
-def test_what_is_begun_is_on_disk_before_the_robot_hears_of_it(yard):
-    found = mission_of("patrol", MISSION)
-    yard.runs.start(found, found.program({}), MissionStartRequest(run="3f2a"), Transport.BUS, lambda *_: None)
-    assert yard.robots["kestrel"].names == [], "the disk has not said so yet"
-    yard.settle()
-    assert yard.robots["kestrel"].names == ["takeoff"]
-    (kept,) = RunStore(yard.folder).unfinished()
-    assert [part.identity for part in kept.parts] == ["3f2a/up.1/kestrel/1"]
-
-
-def test_a_run_that_the_disk_does_not_take_begins_nothing(yard):
-    yard.store._database.close()
-    yard.store._database = sqlite3.connect(":memory:", check_same_thread=False)  # none of our tables
-    yard.start()
-    assert yard.last.outcome == "failed"
-    assert "not started: the runs of missions are not recorded" in yard.last.reason
-    assert yard.robots["kestrel"].names == []
-    assert {robot.now.run for robot in yard.robots.values()} == {""}
-
-
-def test_a_run_under_way_goes_on_though_the_disk_fails(yard):
-    yard.start()
-    yard.store._database.close()
-    yard.store._database = sqlite3.connect(":memory:", check_same_thread=False)
-    yard.done("kestrel", "takeoff")
-    assert yard.robots["kestrel"].names == ["takeoff", "goto"]
-    assert "not recorded" in yard.last.problem or yard.store.problem
 
 
 def test_a_robot_that_does_not_join_keeps_everybody_standing(yard):
@@ -119,29 +87,6 @@ def test_who_is_refused_for_want_of_a_rehearsal_is_shown_what_to_type():
     ask = MissionStartRequest(inputs={"height": 4}, robots={"eye": ["kestrel"]})
     assert rehearse_command("patrol", ask) == "fleet mission rehearse patrol height=4 --robot eye=kestrel"
     assert rehearse_command("patrol", MissionStartRequest(mission=MISSION)) == "fleet mission rehearse FILE"
-
-
-@pytest.mark.parametrize(
-    ("fields", "outcome"),
-    [
-        ({"run": "", "left_run": "taken: land by anna"}, "taken"),
-        ({"run": "", "left_run": "stopped: stop by anna"}, "stopped"),
-        ({"run": "", "left_run": "lost: no heartbeat"}, "lost"),
-        ({"run": ""}, "lost"),
-        ({"reachable": False, "cause": "no heartbeat"}, "lost"),
-        ({"emergency_stop": True, "stop_cause": "anna"}, "stopped"),
-    ],
-)
-def test_a_robot_that_left_is_not_commanded_again(yard, fields, outcome):
-    yard.start()
-    yard.robots["kestrel"].be(**fields)
-    before = list(yard.robots["kestrel"].names)
-    yard.turn()
-    robots = {robot.robot: robot for robot in yard.last.robots}
-    assert robots["kestrel"].outcome == outcome
-    yard.done("beast", "stop")
-    assert yard.last.outcome == "undone"  # nothing was left to be undone: the drone is not ours
-    assert yard.robots["kestrel"].names == before
 
 
 def test_a_stop_of_everything_ends_every_run(yard):
@@ -202,16 +147,6 @@ def test_a_run_waits_for_an_event_of_its_robots(yard):
     yard.runs.handle_event("kestrel", "person_seen")
     yard.turn()
     assert yard.robots["kestrel"].names == ["takeoff"]
-
-
-def test_a_run_that_fails_in_the_edge_stops_its_robots_and_ends_unknown(yard, monkeypatch):
-    yard.start()
-    monkeypatch.setattr(yard.runs._runs["3f2a"].engine.steps, "time_passes", None)
-    yard.turn()
-    assert yard.last.outcome == "unknown"
-    assert yard.robots["kestrel"].names[-1] == yard.robots["beast"].names[-1] == "stop"
-    assert {robot.now.run for robot in yard.robots.values()} == {""}
-    assert yard.runs.states() == []
 
 
 def test_controls_tell_why_they_are_refused(yard):
