@@ -49,6 +49,7 @@ def test_a_part_begins_with_its_time_limit_and_a_line_in_the_log(robots):
     assert notes(robots) == [("begins goto", "beast", "go.1")]
     assert robots.touched == {part.identity: part}
     assert robots.active() == robots.parts_of("go.1") == [part]
+    assert robots.parts_of("go.2") == []
 
 
 @pytest.mark.parametrize(

@@ -89,12 +89,14 @@ def test_only_those_that_take_part_get_an_act(robots):
 
 @pytest.mark.parametrize("outcome", OUTCOMES)
 def test_a_lost_robot_ends_its_part_and_what_may_still_be_done_with_it(robots, outcome):
+    robots.begin("go.1", "rover", GO, "do", 5.0)
     part, secured = begin(robots), begin(robots, kind="secure")
     assert robots.lose("beast", outcome, "so it was", 9.0)
     member = robots.members["beast"]
     gone = outcome in NOT_OURS
     assert (member.within, member.ours, member.outcome, member.since) == (False, not gone, outcome, 9.0)
     assert (part.outcome, secured.inflight) == (outcome, not gone)
+    assert [part.robot for part in robots.active("do")] == ["rover"]
     assert robots.touched["member beast"] is member
     assert notes(robots)[-1] == (f"is out of the run, {outcome}: so it was", "beast", "")
     assert robots.needs("beast") is not gone

@@ -13,13 +13,10 @@ from fleet.config.load import load
 from fleet.config.other_edges import PartnerConfig
 from fleet.config.problems import InvalidConfig
 from fleet.errors import Refused
-from fleet.host.edge.coordinators import Coordinators
 from fleet.host.edge.edge import Edge
 from fleet.host.edge.partners import Partners
-from fleet.missions.coordination import LAPSES_AFTER, RobotLeaseRequest
 from fleet.missions.state import Abort
 from fleet.model.command import Transport
-from fleet.model.state import RobotState
 from fleet.testing.clock import ManualClock
 
 HERE = {"worker": "main", "stands": True}
@@ -227,37 +224,6 @@ def test_a_partners_robot_needs_a_name_of_its_own(site):
     problems = sorted(str(problem) for problem in error.value.problems)
     assert any("there is another robot 'rex'" in each for each in problems)
     assert any("this is the edge of this file" in each for each in problems)
-
-
-class Robot:
-    """A robot in a run of another edge, and what it was asked."""
-
-    def __init__(self, name):
-        self.requested = []
-        self.state = lambda: RobotState(name, "", "", "barn", 0.0, run="r1")
-
-    def read(self, kind, payload, *, transport, waits):
-        self.requested.append(json.loads(payload)["command"])
-
-
-def test_a_robot_that_was_removed_does_not_keep_the_others_from_being_made_safe_when_their_lease_lapses():
-    clock, own = ManualClock(), Robot("own")
-    coordinators = Coordinators(
-        "barn",
-        {"yard": PartnerConfig(coordinates=True)},
-        {"own": own},
-        {},
-        site=None,
-        record=lambda _robot, _event: None,
-        soon=lambda call: call(),
-        clock=clock,
-    )
-    coordinators._leases.grant(
-        RobotLeaseRequest("r1", "yard", {"removed": "hold", "own": "hold"}), clock.monotonic()
-    )
-    clock.advance(LAPSES_AFTER)
-    coordinators.check()
-    assert own.requested == ["stop"]
 
 
 class Congested:
