@@ -38,10 +38,11 @@ class UnwrittenMark:
         with contextlib.suppress(OSError):
             if unwritten:
                 os.close(os.open(self._path, os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
-                _synchronise(self._path.parent)
             else:
                 self._path.unlink(missing_ok=True)
             self._ours = unwritten
+            if unwritten:
+                _synchronise(self._path.parent)
 
 
 def remove(marks: Iterable[Path]) -> None:

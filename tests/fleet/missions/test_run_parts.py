@@ -189,8 +189,8 @@ def test_only_the_newest_parts_are_shown_and_no_halt(robots):
         begin(robots, step=f"go.{number}", act=HALT, kind="halt", now=float(number))
         if number == SHOWN_PARTS + 2:
             break
-    shown = [part.step for part in robots.shown_parts["beast"]]
-    assert shown == [f"go.{number}" for number in range(3, SHOWN_PARTS + 3)]
+    shown = [part.identity for part in robots.shown_parts["beast"]]
+    assert shown == [f"run/go.{number}/beast/1" for number in range(3, SHOWN_PARTS + 3)]
     again = RunRobots("run", crew(), reversed(robots.parts.values()))
-    assert [part.step for part in again.shown_parts["beast"]] == shown, "in order, from any order on disk"
+    assert [part.identity for part in again.shown_parts["beast"]] == shown, "in order, from any order on disk"
     assert list(again.shown_parts["rover"]) == []
