@@ -85,6 +85,13 @@ def test_only_those_that_had_started_a_step_undo_it(play):
     assert "land" not in words(run, "kestrel")
 
 
+def test_a_robot_for_which_nothing_is_said_to_undo_a_step_stands(play):
+    run = play(do(undo={"eye": LAND["all"]}), on_failure="undo")
+    fails(run).stands(*EVERYBODY)
+    assert run.begun()[-1] == ("kestrel", "land")
+    assert "land" not in words(run, "beast")
+
+
 @pytest.mark.parametrize("robot", ["beast", "kestrel"])
 def test_a_robot_that_failed_is_undone_as_well_and_one_that_was_lost_is_not(play, robot):
     run = play(do(undo=LAND), on_failure="undo", quorum={})
@@ -231,3 +238,9 @@ def test_a_run_that_is_closed_gives_up_what_is_under_way(play):
     assert {(part.outcome, part.reason) for part in parts} == {(PartOutcome.UNKNOWN, "the run ended")}
     assert run.ended is RunOutcome.UNKNOWN
     assert run.engine.robots.active() == []
+
+
+def test_a_run_that_is_closed_asks_nothing_more(play):
+    run = play(Ask("sure", "Go on?", 30.0))
+    run.engine.ending.close(RunOutcome.UNKNOWN, "the edge failed")
+    assert run.engine.head.question is None

@@ -220,3 +220,23 @@ def test_after_the_end_no_event_has_an_effect(play):
     ):
         run.take(event)
     assert run.effects == []
+
+
+def test_a_halt_that_nobody_sees_done_is_given_up_and_the_run_ends(play):
+    run = play(do()).take(Abort("anna")).stands("kestrel", "beast").wait(15.1)
+    (halt,) = [part for part in run.engine.robots.parts.values() if part.outcome is PartOutcome.UNKNOWN]
+    assert (halt.robot, halt.kind, run.ended) == ("rover", "halt", RunOutcome.ABORTED)
+
+
+def test_an_undo_that_is_not_done_in_time_has_failed(play):
+    run = play(do(undo={"eye": (Act("goto", [0, 0], timeout=30.0),)}), on_failure="undo")
+    run.engine.ending.fail("so it was", 0.0)
+    run.take(Tick()).stands(*EVERYBODY).wait(30.1).stands(*EVERYBODY)
+    assert run.ended is RunOutcome.UNDO_FAILED
+
+
+def test_a_run_that_ends_does_not_wait_for_robots_that_left(play):
+    run = play(do()).take(Abort("anna"))
+    for robot in EVERYBODY:
+        run.take(Left(robot, PartOutcome.TAKEN, "a pilot has it"))
+    assert run.ended is RunOutcome.ABORTED
