@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 from fleet.clock import SystemClock
 from fleet.supervisor import protocol
 from fleet.supervisor.client import SupervisorClient
-from fleet.supervisor.notices import print_in_thread
 from fleet.supervisor.protocol import RegisterHalt, StopAnswer, StopRequest, Welcome
 from fleet.supervisor.service_manager import ServiceManager
 from fleet.supervisor.sockets import connected, socket_of
@@ -118,14 +117,6 @@ def test_a_stop_is_kept_until_an_edge_that_has_received_it_serves_its_robots(fie
         wait_until("the edge has it", lambda: not field.supervisor._stops)
 
 
-def test_a_supervisor_that_can_start_no_thread_for_its_lines_goes_on(monkeypatch):
-    def fail(_thread):
-        raise RuntimeError("can't start new thread")
-
-    monkeypatch.setattr(threading.Thread, "start", fail)
-    print_in_thread("the edge ended")
-
-
 def test_a_worker_gets_no_stops_of_the_edge_and_does_not_take_them_away(field):
     stop_all(field.path.parent)
     with contextlib.closing(connected(field.path, within=5.0)) as worker:
@@ -141,43 +132,6 @@ def test_whatever_it_is_sent_it_goes_on(field, data):
         somebody.send(data)
     (answer,) = stop_all(field.path.parent)
     assert isinstance(answer, StopAnswer)
-
-
-def test_a_supervisor_that_is_dead_is_passed_over(tmp_path):
-    with tempfile.TemporaryDirectory() as folder:
-        path = socket_of(Path(folder), 1)
-        dead = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        dead.bind(str(path))
-        dead.close()
-        assert stop_all(Path(folder)) == []
-        assert not path.exists()
-
-
-async def test_without_a_supervisor_nothing_is_kept_and_nothing_fails():
-    alone = SupervisorClient()
-    alone.begin("yard", stop=lambda _names: [], end=lambda _why: None)
-    assert not alone.register("rex", 0, [b"halt"], kept=lambda: None)
-    await alone.drop("rex")
-    alone.running()
-    alone.ending()
-    alone.close()
-
-
-def test_a_process_whose_supervisor_goes_ends():
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    theirs.send(protocol.encode(Welcome((StopRequest(("rex",)),))))
-    stopped, ended = [], []
-    supervised = SupervisorClient(ours)
-    supervised.begin(
-        "yard", stop=lambda requested: stopped.append(requested.names) or ["rex"], end=ended.append
-    )
-    assert stopped == [("rex",)], "before anything is served"
-    theirs.send(protocol.encode(StopRequest((), 7)))
-    said = lambda: [protocol.decode(theirs.recv(1000)) for _ in range(1)]  # noqa: E731
-    wait_until("the answer", lambda: StopAnswer(7, "yard", ("rex",)) in said())
-    theirs.close()
-    wait_until("the end", lambda: ended == ["the supervisor is gone"])
-    supervised.close()
 
 
 def test_stops_that_are_asked_again_and_again_are_one_for_the_next_edge(field):
@@ -250,19 +204,6 @@ def test_a_halt_that_is_kept_is_answered_and_one_that_is_refused_is_not(field):
         wait_until("the next answer", lambda: bool(kept))
     assert kept == ["another"]
     worker.close()
-
-
-def test_a_process_that_nobody_welcomes_stops_all_its_robots():
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    theirs.send(b"nonsense")
-    stopped = []
-    supervised = SupervisorClient(ours)
-    supervised.begin(
-        "yard", stop=lambda requested: stopped.append(requested.names) or [], end=lambda _why: None
-    )
-    assert stopped == [()]
-    supervised.close()
-    theirs.close()
 
 
 def test_an_edge_whose_child_keeps_the_connection_open_is_dead_all_the_same(field):
