@@ -257,3 +257,11 @@ def test_a_run_that_leaves_the_step_takes_the_start_back_once(step, phase):
     assert start.withdrawn == (0 if stays else 1)
     step.begin()
     assert (start.begun != []) is stays
+
+
+def test_a_start_that_was_taken_back_keeps_nobody_from_pausing(step):
+    step.prepare()
+    step.begin()
+    assert step.together.unpausable(Phase.STEP)
+    step.together.withdraw()
+    assert step.together.unpausable(Phase.STEP) == ""
