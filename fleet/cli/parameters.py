@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import struct
 from collections.abc import Iterator, Mapping
@@ -65,8 +66,16 @@ def _pairs(path: Path, text: str) -> Iterator[tuple[str, float]]:
         if not words:
             continue
         pair = words[2:4] if len(words) == 5 else words
-        try:
-            name, value = pair
-            yield name, float(value)
-        except ValueError:
-            raise ConfigError(f"{path}:{number}: {line.strip()!r} is not  NAME VALUE") from None
+        value = _finite(pair[1]) if len(pair) == 2 else None
+        if value is None:
+            raise ConfigError(f"{path}:{number}: {line.strip()!r} is not  NAME VALUE")
+        yield pair[0], value
+
+
+def _finite(text: str) -> float | None:
+    """Return the number of a text; None if it is none, or not finite."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None

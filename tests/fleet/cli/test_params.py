@@ -2,10 +2,7 @@ import json
 import struct
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from fleet.cli.parameters import shown
 from fleet.model.command import Reply, ReplyStatus
 
 VALUES = {"FS_GCS_ENABLE": 0, "GUID_TIMEOUT": 3.0, "RTL_ALT": 1500, "WPNAV_SPEED": 0.1}
@@ -20,11 +17,6 @@ def kestrel(play_edge):
         return edge.answers("kestrel", Reply("get_parameters", ReplyStatus.ACCEPTED, done=True, data=data))
 
     return kestrel
-
-
-@given(st.floats(width=32, allow_nan=False, allow_infinity=False))
-def test_a_value_is_written_as_short_as_it_can_be_read_back(value):
-    assert struct.pack("<f", float(shown(value))) == struct.pack("<f", value + 0.0)
 
 
 def test_parameters_are_shown_by_name(fleet, kestrel):
