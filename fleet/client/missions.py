@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 import uuid
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -59,8 +60,7 @@ class MissionRun:
 
     def wait(self) -> RunState:
         """Wait for its end and return its last state; raises TimedOut like ``follow``."""
-        *_, last = self.follow()
-        return last
+        return deque(self.follow(), maxlen=1).pop()  # a run may last for days
 
     def pause(self) -> None:
         """Pause it: its robots hold; raises Refused."""
