@@ -8,7 +8,6 @@ import textwrap
 import psutil
 import pytest
 
-from fleet.plugins.drop_in_file import import_file, insecure
 from fleet.plugins.probe import ConfigCase, Probe, ProbeError, ProblemPlace, bare_environment
 from fleet.plugins.registry import PluginState, Registry
 from tests.tools.waiting import wait_until
@@ -147,26 +146,7 @@ def test_code_that_others_may_write_is_refused(tmp_path, mode, trusted):
         path.chmod(before)
 
 
-def test_code_of_another_user_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(os, "geteuid", lambda: 4711)
-    file = tmp_path / "toy.py"
-    write(tmp_path, toy=TOY)
-    if file.stat().st_uid == 0:
-        assert insecure(file) == "", "root may do all anyway"
-        os.chown(file, 1234, -1)
-    assert "it belongs to another user (uid" in insecure(file)
-
-
 def left_of(folder):
     """Return the processes that still run for a file of this folder."""
     named = [each.info["cmdline"] or [] for each in psutil.process_iter(["cmdline"])]
     return [words for words in named if any(str(folder) in word for word in words)]
-
-
-def test_a_file_that_changed_within_the_same_second_is_imported_as_it_is_now(tmp_path, monkeypatch):
-    monkeypatch.setattr("sys.dont_write_bytecode", False)
-    file, saved = tmp_path / "toy.py", 1_800_000_000
-    for name in ("toy", "boy"):
-        file.write_text(TOY.replace('"toy"', f'"{name}"'))
-        os.utime(file, (saved, saved))
-        assert [found for found, _ in import_file(file).adapters] == [name]
