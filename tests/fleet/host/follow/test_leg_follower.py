@@ -225,3 +225,13 @@ def test_after_its_end_it_stands():
     robot = Robot(Leg(((1.0, 0.0),))).arrive()
     robot.x = 0.0
     assert [robot.step() for _ in range(20)] == [ZERO_VELOCITY] * 20
+
+
+@pytest.mark.parametrize(("past", "there"), [(0.08, True), (0.095, False)])
+def test_one_that_has_gone_a_little_past_its_goal_does_not_turn_back_for_it(past, there):
+    robot = Robot(Leg(((2.0, 0.0),), 0.0)).until(FollowPhase.DRIVE)
+    while robot.x < 1.9:
+        robot.step()
+    robot.x = 2.0 + past
+    robot.step()
+    assert (robot.follower.phase is FollowPhase.ALIGN) is there

@@ -101,3 +101,12 @@ def test_a_mark_that_may_not_be_on_the_medium_is_still_its_own_to_remove(tmp_pat
     assert marks_in(tmp_path) == ["one"]
     mark.put(unwritten=False)
     assert marks_in(tmp_path) == []
+
+
+def test_a_mark_that_another_removed_is_set_again_for_the_next_stop(tmp_path):
+    mark = UnwrittenMark(tmp_path, "one")
+    mark.put(unwritten=True)
+    remove([mark_of(tmp_path, "one")])
+    mark.put(unwritten=False)
+    mark.put(unwritten=True)
+    assert marks_in(tmp_path) == ["one"]
