@@ -152,7 +152,8 @@ def test_a_descriptor_that_is_closed_is_reported(begun, caplog):
     assert "rex: its halt could not be registered with the supervisor" in caplog.text
 
 
-async def test_a_dropped_link_may_be_opened_once_the_supervisor_has_closed_it(begun):
+async def test_a_dropped_link_may_be_opened_once_the_supervisor_has_closed_it(begun, monkeypatch):
+    monkeypatch.setattr(client, "DROPPED_WITHIN", 60.0)
     drop = asyncio.ensure_future(begun.client.drop("rex"))
     message = await asyncio.to_thread(begun.heard)
     assert message == UnregisterHalt("rex", message.number)
