@@ -46,7 +46,7 @@ class Terminal:
         assert self.go.wait(20)
 
     def flush(self):
-        pass
+        self.flushed = True
 
 
 def test_a_terminal_that_hangs_keeps_nobody(monkeypatch):
@@ -56,6 +56,7 @@ def test_a_terminal_that_hangs_keeps_nobody(monkeypatch):
     terminal.go.set()
     (thread,) = terminal.threads
     thread.join(20)
+    assert terminal.flushed
     assert thread.daemon, "it does not keep the supervisor from ending either"
 
 
