@@ -69,6 +69,17 @@ def test_a_user_without_a_password_or_the_other_way_round_is_tried_without(read,
     assert any("bus.user and bus.password cannot both be read" in each for each in found.problems)
 
 
+@pytest.mark.parametrize("value", ["", [1], {"a": 1}, None])
+def test_a_user_and_a_password_that_are_no_text_are_none(read, value):
+    found = read({"edge": {"id": "yard"}, "bus": {"user": value, "password": value}})
+    assert (found.settings.user, found.settings.password, found.problems) == (None, None, ())
+
+
+def test_a_password_of_digits_is_text(read):
+    found = read({"edge": {"id": "yard"}, "bus": {"user": "anna", "password": 1234}})
+    assert found.settings.password == "1234"
+
+
 def test_certificates_are_beside_the_file(read, tmp_path):
     tls = {"root_ca": "ca.pem", "cert": "/etc/edge.pem", "key": "edge.key"}
     found = read({"edge": {"id": "yard"}, "bus": {"tls": tls}}).settings.tls

@@ -150,7 +150,13 @@ def test_a_robot_is_read_and_seen_as_it_is(robots, name):
     found = robots.ours[name]
     assert (found.name, found.state()) == (name, name)
     more = {"transport": Transport.BUS, "request_id": "1", "waits": True}
+    plain = {"transport": Transport.MISSION, "request_id": "", "waits": False}
+    assert found.read("navigate", b"", transport=Transport.MISSION) == (name, "navigate", b"", plain)
     assert found.read("command", b"{}", **more) == (name, "command", b"{}", more)
+
+
+def test_a_robot_of_this_process_describes_itself(robots):
+    assert robots.here["rex"].describe() == "rex"
 
 
 def test_a_robot_that_leaves_is_gone_from_everywhere(robots):
