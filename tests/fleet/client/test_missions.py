@@ -236,3 +236,10 @@ def test_its_present_question_is_answered(requests, run, goes_on):
     requests.states = [state(question=PendingQuestion(7, "Go on?", 30.0, "abort"))]
     run.answer(goes_on=goes_on)
     assert requests.asked[0][2] == RunControlRequest("answer", 7, goes_on, "anna")
+
+
+def test_an_answer_to_nothing_is_left_to_the_edge_to_refuse(requests, run):
+    requests.states, requests.refusal = [state()], "it asks nothing"
+    with pytest.raises(Refused, match="it asks nothing"):
+        run.answer(goes_on=True)
+    assert requests.asked[0][2].question == 0

@@ -93,10 +93,11 @@ def test_a_velocity_is_not_started_together(bench):
     assert bench.prepare() == [(False, "a velocity is not started together", None)]
 
 
-def test_a_start_that_is_taken_back_begins_nobody(bench):
+def test_a_start_that_is_taken_back_prepares_nobody(bench):
     bench.prepare()
     bench.start.withdraw()
-    bench.start.begin([], pytest.fail)
+    with pytest.raises(KeyError):
+        bench.start.begin(["rex"], pytest.fail)
     assert bench.begun == []
 
 

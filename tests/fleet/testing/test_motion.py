@@ -93,6 +93,11 @@ async def test_a_robot_that_goes_on_after_a_stop_is_found(begins):
     await fails(bench.trial.expect_still("after a stop"), "it moves after a stop")
 
 
+async def test_a_robot_that_stands_and_then_jolts_is_found():
+    bench = Bench(lambda _velocity, now: AHEAD if 0.7 < now < 1.0 else ZERO_VELOCITY)
+    await fails(bench.trial.expect_still("after a stop"), "it moves after a stop")
+
+
 async def test_a_robot_whose_pose_comes_late_and_shows_motion_is_found():
     bench = Bench(lambda _velocity, now: AHEAD if now > 1.2 else None)
     await fails(bench.trial.expect_still("after a stop"), "it moves after a stop")

@@ -7,12 +7,14 @@ from typing import Annotated, Literal
 import msgspec
 import pytest
 
+from fleet.adapter import FrameAdapter
 from fleet.commands import CommandSpec, Range
 from fleet.errors import NotReady
 from fleet.model.geometry import Quaternion, Vector3, Velocity
 from fleet.model.report import BatteryReport, PoseReport
 from fleet.testing import probes
 from fleet.testing.probes import (
+    containers_of,
     corrupted_frames,
     implausible,
     in_time,
@@ -133,3 +135,30 @@ def test_the_least_data_of_a_command_are_its_required_parameters_at_their_lowest
         "word": "slow",
         "points": [],
     }
+
+
+class Toy(FrameAdapter):
+    """An adapter with state of its own, and some that all robots of its kind share."""
+
+    BAYS = {1: "a"}
+    names = {}
+    queue = []
+    limit = 3
+
+    def __init__(self):
+        self.own, self.number = [], 7
+
+    def decode(self, frame, stamp):
+        return ()
+
+    def halt(self):
+        return ()
+
+
+def test_containers_of_a_robot_and_of_its_class_are_found_and_no_constants():
+    toy = Toy()
+    assert containers_of(toy) == {id(toy.own), id(Toy.names), id(Toy.queue)}
+    assert containers_of(toy) & containers_of(Toy()) == {id(Toy.names), id(Toy.queue)}
+    outer = Toy()
+    outer.inner = toy
+    assert containers_of(outer) >= containers_of(toy)
