@@ -1,6 +1,7 @@
 """A vehicle that receives what a test says, recordings of real ones, and flights of simulated ones."""
 
 import asyncio
+import inspect
 import math
 from pathlib import Path
 
@@ -42,6 +43,16 @@ def records(name):
         yield stamp, data[begin:at]
 
 
+def blank(kind):
+    """Return a message of a class of pymavlink's, all zeros."""
+    lengths = dict(zip(kind.ordered_fieldnames, kind.array_lengths, strict=True))
+    values = [
+        b"" if of == "char" else [0] * lengths[name] if lengths[name] else 0
+        for name, of in zip(kind.fieldnames, kind.fieldtypes, strict=True)
+    ]
+    return kind(*values[: len(inspect.signature(kind).parameters)])
+
+
 @pytest.fixture(autouse=True)
 def own_cache(tmp_path, monkeypatch):
     """Keep what vehicles serve out of the user's folders."""
@@ -58,6 +69,11 @@ def frame_of():
     return framed
 
 
+@pytest.fixture
+def blank_message():
+    return blank
+
+
 class VehicleHarness:
     """A vehicle on a clock of the test's own; ``sent`` is what was written to it."""
 
@@ -67,9 +83,14 @@ class VehicleHarness:
         self.vehicle = Vehicle(1, self.clock, lambda message, _address: self.sent.append(message))
         self._autopilot = AUTOPILOTS[flavour]
 
-    def beat(self, *, mode=0x03040000, armed=False, status=3, address=None):
+    def in_loop(self):
+        """Let its clock be that of the running loop."""
+        self.clock.monotonic = self.vehicle.now = asyncio.get_running_loop().time
+        return self
+
+    def beat(self, *, mode=0x03040000, armed=False, status=3, address=None, kind=2):
         """Let it beat once."""
-        beat = Heartbeat(2, self._autopilot, 0x80 if armed else 0, mode, status)
+        beat = Heartbeat(kind, self._autopilot, 0x80 if armed else 0, mode, status)
         self.vehicle.take(beat, address)
 
     def receive(self, *messages):

@@ -27,7 +27,6 @@ from fleet.model.geodesy import geo_from_world
 from fleet.model.health import Level
 from fleet.model.navigation import Constraints
 from fleet_mavlink.ardupilot_rover import ArduRover
-from fleet_mavlink.steering import turns_in_place
 
 HOME = GeoOrigin(47.397742, 8.545594, 488.0)
 NEAR = 1.5  # m, as it says of itself
@@ -479,13 +478,6 @@ def test_one_that_is_steered_by_its_drives_turns_where_it_stands(run_in_sim_time
         assert math.remainder(it.sim.body.heading - before, math.tau) < -1.0
 
     driven(run_in_sim_time, sim_flight, drive)
-
-
-@pytest.mark.parametrize(
-    ("functions", "turns"), [((26, 0, 70, 0), False), ((73, 0, 74, 0), True), ((0, 0, 0, 0), None)]
-)
-def test_its_outputs_tell_how_it_is_steered(functions, turns):
-    assert turns_in_place(functions) is turns
 
 
 def test_a_rover_that_is_not_seen_to_be_armed_yet_drives_home(run_in_sim_time, sim_flight):

@@ -1,7 +1,6 @@
-"""A lost position: told in words, and what is not to be trusted ends; recorded and simulated."""
+"""A lost position: told in words, and what is not to be trusted ends."""
 
 import asyncio
-import contextlib
 
 import pytest
 
@@ -9,70 +8,9 @@ from fleet import NotReady, Refused, Vector3, Velocity
 from fleet.errors import CommandError
 from fleet.model.health import Level
 from fleet.model.report import GpsReport, PoseReport, TelemetryReport
-from fleet.testing.clock import ManualClock
-from fleet_mavlink.failsafe_causes import FailsafeCause, cause, position_troubles
-from fleet_mavlink.link_hub import LinkHub
-from fleet_mavlink.texts import Sentence
 
 both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 WHY = {"ardupilot": "EKF Failsafe: changed to LAND Mode", "px4": "Failsafe activated"}
-
-
-class Silent:
-    """A link on which nothing is written."""
-
-    url = "replay"
-
-
-def causes_of(records):
-    """Return (seconds, cause or troubles) of a recording, each when it is new."""
-    clock, found = ManualClock(monotonic=0.0), []
-    hub, failsafe = LinkHub(Silent(), clock, 255, 190), FailsafeCause()
-    with contextlib.ExitStack() as claims:
-        vehicle = claims.enter_context(hub.vehicle(1))
-        began, looked = None, 0.0
-        for stamp, frame in records:
-            began = stamp if began is None else began
-            clock.advance(max(0.0, stamp - began - clock.monotonic()))
-            hub.receive(frame, None)
-            now = clock.monotonic()
-            if vehicle.kind is None or now - looked < 0.1:
-                continue
-            looked = now
-            failsafe.observe(vehicle.state, vehicle.kind.mode_of(vehicle.state), vehicle.sentences, now)
-            causes = (failsafe.text, *position_troubles(vehicle.state, now))
-            if not found or found[-1][1] != causes:
-                found.append((round(now, 1), causes))
-    return found
-
-
-def test_a_copters_loss_is_reported_within_a_second_and_its_fail_safe_with_its_reason(recording):
-    causes = causes_of(recording("ap_copter_gps_loss"))
-    first = next(at for at, (_, *troubles) in causes if troubles)
-    assert first == pytest.approx(58.4, abs=1.0), "the receiver was switched off at 57.6"
-    at, words = next((at, words) for at, words in causes if len(words) == 3)
-    assert at == pytest.approx(65.6, abs=0.3)
-    assert words[1] == "no satellite fix (3 satellites)"
-    assert "its estimator lost horizontal velocity, position" in words[2]
-    reasons = {words[0] for _, words in causes} - {""}
-    assert any("EKF variance; EKF Failsafe: changed to LAND Mode" in each for each in reasons)
-    assert not any("Cleared" in each for each in reasons)
-    assert causes[-1][1] == ("",), "it is over at the end"
-
-
-def test_px4s_loss_is_reported_within_a_second(recording):
-    causes = causes_of(recording("px4_gps_loss"))
-    first = next(at for at, (_, *troubles) in causes if troubles)
-    assert first == pytest.approx(19.2, abs=1.0), "the receiver was switched off at 18.8"
-    assert any("Failsafe activated" in words[0] for _, words in causes)
-    assert any("its estimator lost" in words[-1] for _, words in causes)
-    assert causes[-1][1] == ("",)
-
-
-def test_each_step_of_a_battery_fail_safe_has_its_own_reason(recording):
-    reasons = [words[0] for _, words in causes_of(recording("px4_battery_low")) if words[0]]
-    assert "Critical battery" in reasons[0]
-    assert any("Emergency battery level" in each for each in reasons)
 
 
 @both
@@ -164,16 +102,3 @@ def test_an_autopilot_without_satellites_from_the_start_is_no_loss(run_in_sim_ti
             assert it.robot.healths[-1].level is Level.OK
 
     run_in_sim_time(main())
-
-
-def test_what_is_over_and_what_another_says_better_is_no_cause():
-    said = [
-        Sentence("EKF Failsafe Cleared", 2, 1.0),
-        Sentence("EKF3 lane switch 1", 2, 1.0),
-        Sentence("Failsafe activated", 2, 1.1),
-        Sentence("Failsafe activated: entering Hold for 5 seconds", 2, 1.2),
-        Sentence("Switching to Hold is currently not available", 2, 1.3),
-        Sentence("Landing at current position", 6, 1.3),
-    ]
-    assert cause(said, 0.0, 2.0) == "Failsafe activated: entering Hold for 5 seconds"
-    assert cause(said, 5.0, 9.0) == ""

@@ -5,10 +5,8 @@ import math
 import pytest
 
 from fleet.model.report import ImuReport, JointReport, MetricsReport, PoseReport
-from fleet_mavlink.motors import Motors
 from fleet_mavlink.onboard_sensors import OnboardSensors, reduce_sensors
 from fleet_mavlink.payload_messages import (
-    EscTelemetry1To4,
     GimbalDeviceAttitudeStatus,
     HighresImu,
     RawImu,
@@ -43,17 +41,6 @@ def test_a_gimbal_that_looks_down_has_a_negative_pitch():
     turned = (math.cos(-math.pi / 8), 0.0, math.sin(-math.pi / 8), 0.0)
     aim = after(GimbalDeviceAttitudeStatus(12, turned)).aim
     assert (aim.pitch, aim.yaw) == (pytest.approx(-45.0), pytest.approx(0.0))
-
-
-def test_motors_turn_as_fast_as_is_reported_and_their_angles_follow():
-    motors, sensors = Motors(("a", "b")), after(EscTelemetry1To4((60, 120, 0, 0)), now=1.0)
-    assert motors.report(sensors, 1.0, 0.0).velocities == pytest.approx({"a": math.tau, "b": 2 * math.tau})
-    assert motors.report(sensors, 1.25, 0.0).positions == {
-        "a": pytest.approx(math.tau / 4),
-        "b": pytest.approx(math.tau / 2),
-    }
-    assert motors.report(sensors, 5.0, 0.0) is None
-    assert Motors(()).report(sensors, 1.0, 0.0) is None
 
 
 @both

@@ -1,20 +1,15 @@
 """What is told of a vehicle, and what is rather left out."""
 
 import json
-import math
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mav
 
-from fleet import GeoOrigin, GeoPoint, Vector3
-from fleet.model.geodesy import geo_from_world
+from fleet import GeoOrigin, GeoPoint
 from fleet.wire.reports import sender, to_mqtt
 from fleet_mavlink import reports
 from fleet_mavlink.codec import Parser
 from fleet_mavlink.constants import Landed
-from fleet_mavlink.frames import origin_of, pose_of
 from fleet_mavlink.messages import Heartbeat
 from fleet_mavlink.px4 import Px4
 from fleet_mavlink.state import Angles, BatteryReading, Fix, VehicleState, reduce
@@ -37,31 +32,6 @@ def test_of_a_vehicle_of_which_nothing_is_known_nothing_is_reported():
 def test_without_an_origin_there_is_no_pose():
     state = VehicleState(position=GeoPoint(47.0, 8.0, 500.0), attitude=Angles(0, 0, 0))
     assert reports.pose_report(state, None, 1.0) is None
-
-
-def test_north_is_y_and_a_nose_to_the_north_is_a_quarter_turn():
-    place = geo_from_world(HOME, Vector3(0.0, 30.0, 5.0))
-    pose = pose_of(VehicleState(position=place, attitude=Angles(0, 0, 0)), HOME)
-    assert (pose.position.x, pose.position.y, pose.position.z) == pytest.approx((0, 30, 5), abs=0.01)
-    assert pose.rotation.yaw == pytest.approx(math.pi / 2)
-
-
-@given(st.floats(-math.pi, math.pi), st.floats(-180, 180))
-def test_a_nose_along_the_worlds_y_axis_is_a_quarter_turn_wherever_that_points(yaw, bearing):
-    origin = GeoOrigin(47.0, 8.0, 0.0, heading=bearing)
-    ahead = VehicleState(
-        position=GeoPoint(47.0, 8.0, 0.0), attitude=Angles(0, 0, math.radians(bearing) + yaw)
-    )
-    turned = pose_of(ahead, origin).rotation.yaw
-    assert math.remainder(turned - (math.pi / 2 - yaw), math.tau) == pytest.approx(0, abs=1e-6)
-
-
-def test_the_origin_is_home_at_the_height_of_home():
-    state = VehicleState(
-        home=GeoPoint(47.0, 8.0, 480.0), position=GeoPoint(47.0, 8.0, 498.0), relative_altitude=10.0
-    )
-    assert origin_of(state) == GeoOrigin(47.0, 8.0, 488.0)
-    assert origin_of(NOTHING) is None
 
 
 def test_a_fix_and_a_battery_are_reported_as_known():
