@@ -104,6 +104,45 @@ def harness():
     return VehicleHarness
 
 
+class Answered(list):
+    """What was sent; each message is answered 10 ms later with what a function returns for it."""
+
+    def __init__(self, receive, answer):
+        self._receive, self._answer, self._loop = receive, answer, asyncio.get_running_loop()
+
+    def append(self, message):
+        super().append(message)
+        self._loop.call_later(0.01, lambda: self._receive(*self._answer(message)))
+
+    def of(self, kind):
+        return [each for each in self if type(each) is kind]
+
+
+@pytest.fixture
+def run_answered(run_in_sim_time, harness):
+    """Run a test with a vehicle that beats, until ``it.silent``, and answers by a function."""
+
+    def run(answer, test):
+        async def main():
+            it = harness("ardupilot").in_loop()
+            it.sent, it.silent = Answered(it.receive, answer), False
+            beating = asyncio.ensure_future(beats(it))
+            await asyncio.sleep(0)
+            await test(it)
+            beating.cancel()
+
+        run_in_sim_time(main())
+
+    return run
+
+
+async def beats(it):
+    while True:
+        if not it.silent:
+            it.beat()
+        await asyncio.sleep(0.5)
+
+
 class SimFlight(Operator):
     """A simulated vehicle, and the adapter that flies it over a memory link."""
 
