@@ -75,6 +75,10 @@ def test_a_frame_that_is_sent_again_is_never_accepted(accept_unsigned):
     assert trust.counts == {FALSE: 1}
 
 
+def test_unless_the_config_says_otherwise_an_unsigned_frame_is_refused():
+    assert not FrameAuthentication(signer()).admits(beat())
+
+
 def test_an_unsigned_frame_is_accepted_only_by_the_config_and_counted_in_any_case():
     for accepted in (True, False):
         trust = FrameAuthentication(signer(), accept_unsigned=accepted)
