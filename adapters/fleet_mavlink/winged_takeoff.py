@@ -69,7 +69,7 @@ class WingedTakeOff:
     def _is_up(self, state: VehicleState) -> bool:
         """Return True once the autopilot's own take-off is over, or as high as it gets."""
         if self._flavour.takeoff_height is not None:
-            return height_of(state) >= self._own - _CLOSE
+            return bool(state.in_air) and height_of(state) >= self._own - _CLOSE
         return self._flight.mode(state) == self._flavour.hold and state.landed is Landed.IN_AIR
 
     async def _circle(self) -> AsyncIterator[Progress]:

@@ -83,10 +83,9 @@ class Plane:
         asyncio.get_running_loop().call_later(seconds, lambda: self.at(*height, **how))
 
     async def climb(self, altitude):
-        return [
-            (step.percent, step.message)
-            async for step in WingedTakeOff(self.flight, self.flavour, altitude).climb()
-        ]
+        climb = WingedTakeOff(self.flight, self.flavour, altitude).climb()
+        async with asyncio.timeout(300.0):
+            return [(step.percent, step.message) async for step in climb]
 
     @property
     def gone(self):
@@ -189,6 +188,16 @@ def test_a_plane_that_stays_on_the_ground_is_given_up_and_disarmed_if_it_was_arm
         assert ("disarm" in plane.flight.log) is not armed
 
     with_plane(flavour, test)
+
+
+@pytest.mark.parametrize("own", [0.0, 2.0, 3.0])
+def test_a_plane_on_the_ground_is_not_up_however_low_its_own_height_is(with_plane, own):
+    async def test(plane):
+        with pytest.raises(TimedOut, match="did not leave the ground"):
+            await plane.climb(60.0)
+        assert plane.gone == []
+
+    with_plane("ardupilot", test, settings={"TKOFF_ALT": own})
 
 
 @both
