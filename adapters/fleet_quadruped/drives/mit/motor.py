@@ -38,7 +38,8 @@ class MitMotor(DampingDrive):
         self.angle, self.speed, self.torque = self.units.joint(angle, speed, torque)
         self.reported_at, self.answered = now, True
         self.answers.take(data)
-        self.note_hold(obeys=self.status == wire.ENABLED, torque_off=self.status == wire.DISABLED)
+        if self.profile.damiao:  # the status of another motor is its error
+            self.note_hold(obeys=self.status == wire.ENABLED, torque_off=self.status == wire.DISABLED)
 
     @property
     def is_enabled(self) -> bool:
