@@ -1,14 +1,11 @@
 """What a dog reports is what was measured, with the time of the measurement."""
 
-import math
-
 import pytest
 
-from fleet import PoseReport, Quaternion
+from fleet import PoseReport
 from fleet.errors import LinkLost
 from fleet.model.report import ImuReport, JointReport
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.height import height_of
 from fleet_quadruped.reports import MotionReports
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
@@ -98,19 +95,3 @@ def test_the_height_is_that_of_the_legs_and_not_the_wanted_one(dog):
     rig.go(3.0)
     assert rig.reports[PoseReport][-1].position.z == pytest.approx(rig.sim.world.place()[2], abs=0.03)
     assert rig.reports[PoseReport][-1].position.z < 0.15
-
-
-def test_a_tilted_dog_is_as_high_as_its_lowest_foot_says(dog):
-    stance = dog.stance(0.27)
-    upright = height_of(dog.legs, dog.geometry.foot_radius, stance, quaternion(0.0))
-    tilted = height_of(dog.legs, dog.geometry.foot_radius, stance, quaternion(0.5))
-    assert upright == pytest.approx(0.27, abs=0.001)
-    aside = dog.geometry.hip_y + dog.geometry.abad_offset
-    down = 0.27 - dog.geometry.foot_radius
-    lowest = down * math.cos(0.5) + aside * math.sin(0.5) + dog.geometry.foot_radius
-    assert tilted == pytest.approx(lowest, abs=0.001)
-    assert height_of(dog.legs, dog.geometry.foot_radius, stance, quaternion(math.pi)) == 0.0
-
-
-def quaternion(roll):
-    return Quaternion(math.cos(roll / 2), math.sin(roll / 2), 0.0, 0.0)
