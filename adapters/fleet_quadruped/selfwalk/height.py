@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from fleet import CanFrame
 from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.selfwalk.description import SelfWalker
@@ -23,5 +25,7 @@ class StandingHeight:
             return None, "this machine's description has no height"
         if mode not in _STANDS:
             return None, f"it is {mode.value}; stand up first"
+        if not math.isfinite(change):
+            return None, f"{change} is not a height"
         self.value = max(self._walker.lowest, min(self._walker.highest, self.value + change))
         return self._frame(self.value), ""
