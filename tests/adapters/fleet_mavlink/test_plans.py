@@ -3,6 +3,7 @@
 import asyncio
 
 import pytest
+from pymavlink.dialects.v20 import all as mav
 
 from fleet import NotReady, Refused, TimedOut
 from fleet_mavlink.mission_messages import (
@@ -17,7 +18,7 @@ from fleet_mavlink.plans import Plans, PlanType
 
 MISSION, FENCE = PlanType.MISSION, PlanType.FENCE
 WAYPOINT = 16
-ACCEPTED, ERROR, NO_SPACE, INVALID_SEQUENCE, DENIED, CANCELLED = 0, 1, 4, 13, 14, 15
+ACCEPTED, ERROR, INVALID_SEQUENCE, DENIED, CANCELLED = 0, 1, 13, 14, 15
 
 
 def item(x, *, seq=0, kind=MISSION):
@@ -32,6 +33,11 @@ def ask(seq, kind=MISSION, how=MissionRequestInt):
     return how(245, 191, seq, kind)
 
 
+REFUSALS = {
+    number: each.name.removeprefix("MAV_MISSION_")
+    for number, each in mav.enums["MAV_MISSION_RESULT"].items()
+    if number in range(1, 15) and number != INVALID_SEQUENCE
+}
 ITEMS = [item(100), item(200), item(300)]
 
 
@@ -99,10 +105,7 @@ def test_what_is_said_of_another_plan_or_of_a_download_is_no_part_of_an_upload(w
     with_autopilot(answer, test)
 
 
-@pytest.mark.parametrize(
-    ("result", "name"),
-    [(NO_SPACE, "NO_SPACE"), (ERROR, "ERROR"), (DENIED, "DENIED"), (6, "INVALID_PARAM1"), (99, "result 99")],
-)
+@pytest.mark.parametrize(("result", "name"), [*REFUSALS.items(), (16, "result 16"), (99, "result 99")])
 def test_a_refused_plan_is_refused_by_the_autopilots_name_for_it(with_autopilot, result, name):
     async def test(plans, it):
         with pytest.raises(Refused) as caught:
@@ -181,6 +184,20 @@ def test_a_transfer_that_the_vehicle_breaks_off_is_begun_again_twice(with_autopi
 def test_a_lost_end_is_none_of_a_plan_whose_items_were_all_asked_for(with_autopilot):
     def answer(message):
         return [each for each in taker(ITEMS)(message) if not isinstance(each, MissionAck)]
+
+    async def test(plans, it):
+        began = asyncio.get_running_loop().time()
+        await plans.upload(MISSION, ITEMS)
+        assert len(it.sent.of(MissionItemInt)) == 3
+        assert asyncio.get_running_loop().time() - began < 2.0, "one silence is enough"
+
+    with_autopilot(answer, test)
+
+
+def test_the_end_of_an_upload_is_not_overtaken_by_a_late_request(with_autopilot):
+    def answer(message):
+        late = [ask(0)] if isinstance(message, MissionItemInt) and message.seq == 2 else []
+        return [*taker(ITEMS)(message), *late]
 
     async def test(plans, it):
         await plans.upload(MISSION, ITEMS)

@@ -7,15 +7,16 @@ from fleet_quadruped.robot.parts import Actuator
 
 
 class Wire:
-    """A bus: ``sent`` frames, and frames that ``receive`` returns one look after the other."""
+    """A bus: ``sent`` frames, and what is ``heard``, look after look."""
 
     def __init__(self, name="a"):
-        self.name, self.sent, self.heard = name, [], []
+        self.name, self.sent, self.heard, self.looks = name, [], [], 0
 
     def send(self, frame):
         self.sent.append(frame)
 
     def receive(self, wait):
+        self.looks += 1
         return self.heard.pop(0) if self.heard else []
 
     @property

@@ -83,6 +83,13 @@ def test_others_that_never_fall_silent_do_not_keep_it_waiting(asked, wires):
     assert len(wires["b"].heard) == 900, "20 looks after each of 5 requests"
 
 
+def test_quiet_buses_are_not_listened_to_any_longer(asked, wires):
+    it = asked(("hip", "a", 2, 9))
+    with pytest.raises(LinkLost):
+        it.run()
+    assert (wires["a"].looks, wires["b"].looks) == (5, 5), "once after each request"
+
+
 def test_drives_that_have_answered_already_are_not_asked(asked):
     it = asked()
     it.run()
