@@ -117,9 +117,7 @@ def test_a_servo_that_failed_or_timed_out_has_not_restarted(bench, mode):
     assert not bench.say(OBEYS).say(mode).servo.restarted
 
 
-@pytest.mark.parametrize(
-    ("most", "limit"), [(None, 12.0), (10.0, 5.0), (24.0, 12.0), (99.0, 12.0)]
-)
+@pytest.mark.parametrize(("most", "limit"), [(None, 12.0), (10.0, 5.0), (24.0, 12.0), (99.0, 12.0)])
 def test_a_torque_limit_is_that_of_the_motor_and_no_more_than_the_joints(bench, most, limit):
     assert bench.servo.torque_limit(most) == limit
 
