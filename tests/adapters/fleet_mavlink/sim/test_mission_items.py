@@ -28,6 +28,15 @@ def test_each_autopilot_asks_for_items_by_its_own_message():
 
 
 def test_only_ardupilot_flies_circles_by_their_number():
+    assert LOITER_TURNS == mav.MAV_CMD_NAV_LOITER_TURNS
     assert LOITER_TURNS in ARDUPILOT_BEHAVIOUR.flies
     assert LOITER_TURNS not in PX4_BEHAVIOUR.flies
     assert PX4_BEHAVIOUR.flies < ARDUPILOT_BEHAVIOUR.flies
+
+
+PLANNED = ("WAYPOINT", "LOITER_UNLIM", "LOITER_TIME", "RETURN_TO_LAUNCH", "LAND", "TAKEOFF", "LOITER_TO_ALT")
+
+
+@pytest.mark.parametrize("name", PLANNED)
+def test_both_autopilots_fly_the_items_that_a_plan_may_have(name):
+    assert getattr(mav, f"MAV_CMD_NAV_{name}") in PX4_BEHAVIOUR.flies & ARDUPILOT_BEHAVIOUR.flies

@@ -19,6 +19,11 @@ def test_a_kinematic_world_needs_nothing(dog, without_mujoco):
     assert type(make_world("kinematic", dog)) is KinematicWorld
 
 
+def test_the_best_world_has_physics_where_they_are_installed(dog):
+    pytest.importorskip("mujoco")
+    assert type(make_world("auto", dog)).__name__ == type(make_world("mujoco", dog)).__name__ == "MujocoWorld"
+
+
 def test_the_best_world_has_no_physics_where_they_are_not_installed(dog, without_mujoco):
     assert type(make_world("auto", dog)) is KinematicWorld
 
