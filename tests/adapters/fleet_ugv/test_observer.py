@@ -63,8 +63,8 @@ def test_the_mount_is_where_it_says_or_else_where_it_was_sent(it):
     measured = Feedback(distances=(0.0, 0.0), pan=0.4, tilt=-0.1)
     positions = told(it, measured, 3.0)[JointReport].positions
     assert (positions["pan"], positions["tilt"], it.mount) == (0.4, -0.1, (0.4, -0.1))
-    it.take(Feedback(distances=(0.0, 0.0), pan=1.0), 3.1)
-    assert it.mount == (0.4, -0.1), "half a measurement is none"
+    half = told(it, Feedback(distances=(0.0, 0.0), pan=1.0), 4.0)[JointReport].positions
+    assert (half["pan"], it.mount) == (0.5, (0.4, -0.1)), "half a measurement is none"
 
 
 def test_an_imu_is_told_beside_the_joints_if_it_is_whole(it):
@@ -133,7 +133,7 @@ def test_a_temperature_that_is_not_told_any_more_is_unknown(it):
 
 def test_what_gives_no_motion_leaves_the_last_one(it):
     it.take(Feedback(distances=(0.0, 0.0)), 1.0)
-    it.take(Feedback(distances=(0.01, 0.02)), 1.1)
+    assert it.take(Feedback(distances=(0.01, 0.02)), 1.1).speed == it.speed
     speed = it.speed
     assert it.take(Feedback(distances=(50.0, 50.0)), 1.2) is None, "a jump"
     assert (it.speed, math.isfinite(it.yaw_rate)) == (speed, True)

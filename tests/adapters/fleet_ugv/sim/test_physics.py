@@ -44,9 +44,36 @@ def test_a_wider_effective_track_turns_it_less():
 
 
 def test_a_turn_while_it_drives_is_an_arc():
-    physics = driven(0.3, 0.5, 30.0)
-    radius = 0.4 / 1.0
-    assert math.hypot(physics.x, physics.y) <= 2 * radius + 0.05
+    """With 0.3 and 0.5 m/s at a track of 0.2 m it turns by 1 rad/s on a radius of 0.4 m, after its lag."""
+    body = BaseBody(track=0.2, lag=0.0)
+    physics = driven(0.3, 0.5, math.pi / 2, body=body)
+    assert (physics.x, physics.y) == pytest.approx((0.4, 0.4), abs=0.005)
+    assert physics.yaw == pytest.approx(math.pi / 2, abs=0.01)
+    driven(0.3, 0.5, 1.5 * math.pi, physics)
+    assert (physics.x, physics.y, physics.yaw) == pytest.approx((0.0, 0.0, 0.0), abs=0.02)
+
+
+def test_its_acceleration_is_the_change_of_its_speed_over_time():
+    physics = driven(0.4, 0.4, STEP, body=BaseBody(track=0.2, lag=0.0))
+    assert (physics.speed, physics.acceleration) == (pytest.approx(0.4), pytest.approx(0.4 / STEP))
+    driven(0.4, 0.4, STEP, physics)
+    assert physics.acceleration == pytest.approx(0.0)
+
+
+def test_a_gyro_measures_the_rate_beside_its_bias_and_its_noise():
+    quiet = Physics(BaseBody(track=0.2, bias=0.03, noise=0.0))
+    assert quiet.gyro() == pytest.approx(0.03)
+    driven(-0.1, 0.1, 5.0, quiet)
+    assert quiet.gyro() == pytest.approx(1.03)
+
+
+def test_noise_has_its_size_and_is_the_same_in_every_run():
+    one, same, other = Physics(BODY), Physics(BODY), Physics(BODY, seed=2)
+    noise = [one.shake(0.5) for _ in range(500)]
+    assert noise == [same.shake(0.5) for _ in range(500)]
+    assert noise != [other.shake(0.5) for _ in range(500)]
+    assert sum(noise) / 500 == pytest.approx(0.0, abs=0.1)
+    assert math.sqrt(sum(each * each for each in noise) / 500) == pytest.approx(0.5, abs=0.05)
 
 
 @pytest.mark.parametrize(
