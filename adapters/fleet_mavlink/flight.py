@@ -191,7 +191,7 @@ class Flight:
         if home is None:
             raise home_unknown()
         away = world_from_geo(GeoOrigin(home.latitude, home.longitude), point).horizontal() + around
-        if away > self._farthest:
+        if not away <= self._farthest:
             raise Refused(f"{away:.0f} m from home is beyond the limit of {self._farthest:g} m")
 
     async def reboot(self) -> None:

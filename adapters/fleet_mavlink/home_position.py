@@ -42,7 +42,7 @@ class VehicleHome:
         here = state.position
         if here is None or not state.knows_where(self._vehicle.now()):
             raise NotReady("position is unknown")
-        altitude = None if state.in_air else here.altitude
+        altitude = None if _may_fly(state) else here.altitude
         _require_place(here.latitude, here.longitude, altitude or 0.0)
         await self._tell(here.latitude, here.longitude, altitude)
 
@@ -54,7 +54,7 @@ class VehicleHome:
         """
         require_connection(self._vehicle)
         _require_place(latitude, longitude, altitude or 0.0)
-        if altitude is not None and self._vehicle.state.in_air:
+        if altitude is not None and _may_fly(self._vehicle.state):
             raise Refused("in the air home keeps its altitude", hint="leave the altitude out")
         await self._tell(latitude, longitude, altitude)
 
@@ -90,3 +90,10 @@ def _are_one(one: GeoPoint, other: GeoPoint) -> bool:
     """Return True if two positions are the same, within the resolution of the wire."""
     away = world_from_geo(GeoOrigin(one.latitude, one.longitude, one.altitude), other)
     return away.norm() <= _SAME_HOME
+
+
+def _may_fly(state: VehicleState) -> bool:
+    """Return True in the air, and while an armed aircraft has not said whether it flies."""
+    if state.on_the_surface:
+        return False
+    return state.armed if state.in_air is None else state.in_air

@@ -22,6 +22,7 @@ from fleet_mavlink.messages import (
 
 HERE = (47.3977421, 8.5455941)
 GROUND, AIR = mav.MAV_LANDED_STATE_ON_GROUND, mav.MAV_LANDED_STATE_IN_AIR
+UNKNOWN = mav.MAV_LANDED_STATE_UNDEFINED
 AMSL, ABOVE_HOME = 503.0, 15.0
 DEGREES_PER_METRE = 1 / 111_320
 
@@ -36,7 +37,13 @@ class Autopilot:
     def __init__(self, it, landed):
         self.it, self.landed, self.offset = it, landed, 0.0
         self.home, self.silent = (*HERE, AMSL - ABOVE_HOME), False
-        self.result, self.tells_home, self.tells_height, self.flags = MavResult.ACCEPTED, True, True, 0x33
+        self.armed, self.result, self.tells_home, self.tells_height, self.flags = (
+            landed == AIR,
+            MavResult.ACCEPTED,
+            True,
+            True,
+            0x33,
+        )
 
     @property
     def commands(self):
@@ -45,7 +52,7 @@ class Autopilot:
     async def run(self):
         done = 0
         while not self.silent:
-            self.it.beat(armed=self.landed == AIR)
+            self.it.beat(armed=self.armed)
             self.it.receive(ExtendedSysState(self.landed), EkfStatusReport(self.flags), Attitude(1, 0, 0, 0))
             if self.tells_height:
                 place = scaled(HERE[0]), scaled(HERE[1]), round(AMSL * 1e3), round(ABOVE_HOME * 1e3)
@@ -123,6 +130,24 @@ def test_in_the_air_its_place_becomes_home_at_the_altitude_of_the_home_before(at
         assert command.z == pytest.approx(AMSL - ABOVE_HOME)
 
     at_home(test, landed=AIR)
+
+
+def test_a_vehicle_that_is_armed_and_does_not_say_whether_it_flies_counts_as_in_the_air(at_home):
+    async def test(home, autopilot):
+        await home.set_here()
+        assert autopilot.commands[0].z == pytest.approx(AMSL - ABOVE_HOME)
+        with pytest.raises(Refused, match="in the air home keeps its altitude"):
+            await home.set_to(47.398, 8.546, AMSL)
+
+    at_home(test, landed=UNKNOWN, armed=True)
+
+
+def test_a_disarmed_vehicle_that_does_not_say_whether_it_flies_counts_as_on_the_ground(at_home):
+    async def test(home, autopilot):
+        await home.set_here()
+        assert autopilot.commands[0].z == AMSL
+
+    at_home(test, landed=UNKNOWN)
 
 
 def test_an_unreliable_place_does_not_become_home(at_home):
