@@ -88,3 +88,17 @@ def test_no_redirect_is_followed():
     ]
     request = urllib.request.Request(URL, b"{}")
     assert handler.redirect_request(request, None, 302, "moved", {}, "https://elsewhere.example") is None
+
+
+def test_a_server_that_answers_in_its_time_is_waited_for(server, monkeypatch):
+    class Thread(threading.Thread):
+        def join(self, timeout=None):
+            waits.append(timeout)
+            server.go.set()
+            super().join(20)
+
+    waits = []
+    server.go.clear()
+    monkeypatch.setattr(webhook.threading, "Thread", Thread)
+    Webhook(URL).send(b"{}", 5.0)
+    assert waits == [5.0]
