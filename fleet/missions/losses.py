@@ -115,9 +115,22 @@ class RobotLosses:
                 return
         if then == "fail":
             self.fail(why)
-        elif then == "wait" and self._head.phase is Phase.STEP:
-            self._head.phase = Phase.ASKING
+        elif then == "wait" and self._begin_asking():
             self.ask(f"{why}. Continue without it?", "robot")
+
+    def _begin_asking(self) -> bool:
+        """Let the step in progress wait for a person; False if none is, or a person is asked already.
+
+        A paused run asks too, and takes the answer once it is resumed.
+        """
+        head = self._head
+        if head.phase in (Phase.STEP, Phase.PREPARING):
+            head.phase = Phase.ASKING
+            return True
+        if head.phase is Phase.PAUSED and head.paused_from is Phase.STEP and head.question is None:
+            head.paused_from = Phase.ASKING
+            return True
+        return False
 
 
 def put(

@@ -15,6 +15,7 @@ from fleet.missions.state import (
     PersonAnswer,
     Phase,
     Resume,
+    RobotPrepared,
     RunOutcome,
 )
 from tests.fleet.missions.conftest import do
@@ -123,6 +124,47 @@ def test_a_step_that_says_so_asks_a_person_who_has_ten_minutes(play):
     assert run.of(LogNote)[-1] == LogNote(f"A person is asked: {question.text}", step="go.1")
     run.take(PersonAnswer(1, goes_on=True, by="anna"))
     assert (run.engine.head.phase, run.engine.head.question) == (Phase.STEP, None)
+
+
+def test_a_robot_that_is_lost_while_the_run_is_paused_is_asked_about_once_it_is_resumed(play):
+    run = play(do(failed_then="wait"), quorum={}).take(Pause("anna")).take(lost("beast"))
+    assert run.engine.head.question.text == "beast: lost: no heartbeat. Continue without it?"
+    assert run.take(PersonAnswer(1, True, "anna")).engine.head.phase is Phase.PAUSED
+    assert run.take(Resume("anna")).engine.head.phase is Phase.ASKING
+    assert run.take(PersonAnswer(1, True, "anna")).engine.head.phase is Phase.STEP
+
+
+def test_a_run_that_asks_whether_to_resume_asks_nothing_else(play):
+    run = play(do(failed_then="wait"), quorum={}).take(Pause("anna"))
+    run.take(Facts("kestrel", "ok", 80.0, (9.0, 0.0, 0.0))).take(Resume("anna"))
+    assert run.engine.head.question.about == "resume"
+    assert run.take(lost("beast")).engine.head.question.about == "resume"
+
+
+def test_the_others_begin_together_without_a_robot_that_is_lost_in_preparation(play):
+    run = play(do(together=True), quorum={})
+    run.take(RobotPrepared("kestrel")).take(RobotPrepared("rover"))
+    assert run.begun() == []
+    run.take(lost("beast"))
+    assert [robot for robot, _ in run.begun()] == ["kestrel", "rover"]
+
+
+def test_a_robot_that_is_lost_first_is_waited_for_by_nobody(play):
+    run = play(do(together=True), quorum={}).take(lost("beast"))
+    run.take(RobotPrepared("kestrel"))
+    assert run.begun() == []
+    run.take(RobotPrepared("rover"))
+    assert [robot for robot, _ in run.begun()] == ["kestrel", "rover"]
+
+
+def test_a_loss_in_preparation_is_asked_about_and_the_others_prepare_again(play):
+    run = play(do(together=True, failed_then="wait"), quorum={}).take(lost("beast"))
+    assert run.engine.head.phase is Phase.ASKING
+    run.take(RobotPrepared("kestrel")).take(RobotPrepared("rover"))
+    assert run.begun() == [], "a person has not answered yet"
+    run.effects.clear()
+    run.take(PersonAnswer(1, True, "anna"))
+    assert run.preparing == ["kestrel", "rover"]
 
 
 def test_without_an_answer_the_run_is_aborted(play):
