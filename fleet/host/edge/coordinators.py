@@ -110,7 +110,7 @@ class Coordinators:
         event = EventReport(self._clock.time(), EventKind.STOP, f"{why}: {lapsed.do}", Severity.ERROR)
         self._record(lapsed.robot, event)
         log.error("%s: %s: %s", lapsed.robot, why, lapsed.do)
-        if lapsed.do == "hold" and not (state.last_command in COMES_DOWN and state.activity):
+        if lapsed.do == "hold" and state.activity not in COMES_DOWN:
             self._request(robot, "stop", lapsed)
             return
         self._request(robot, LEAVE, lapsed)  # only its run may move it

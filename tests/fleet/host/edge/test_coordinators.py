@@ -210,12 +210,20 @@ def test_a_robot_that_has_left_the_run_is_not_touched(barn, run):
 
 
 @pytest.mark.parametrize("command", sorted(COMES_DOWN))
-@pytest.mark.parametrize(("activity", "asked"), [("landing", ["leave_run"]), ("", ["stop"])])
-def test_a_robot_that_comes_down_is_left_to_it_and_only_leaves_the_run(barn, command, activity, asked):
+@pytest.mark.parametrize("last", ["itself", "blink"])
+def test_a_robot_that_comes_down_is_left_to_it_and_only_leaves_the_run(barn, command, last):
     barn.lease(begins=True)
-    barn.robots["own"].be(last_command=command, activity=activity)
+    barn.robots["own"].be(last_command=command if last == "itself" else last, activity=command)
     barn.silent()
-    assert barn.robots["own"].asked == asked
+    assert barn.robots["own"].asked == ["leave_run"]
+
+
+@pytest.mark.parametrize("command", sorted(COMES_DOWN))
+def test_a_robot_that_has_come_down_is_stopped(barn, command):
+    barn.lease(begins=True)
+    barn.robots["own"].be(last_command=command, activity="")
+    barn.silent()
+    assert barn.robots["own"].asked == ["stop"]
 
 
 def test_a_robot_that_is_busy_with_anything_else_is_stopped(barn):
