@@ -30,15 +30,20 @@ def sockets_in(directory: Path) -> Iterator[Path]:
 
 
 def listening(path: Path) -> socket.socket:
-    """Return a socket that listens at a path, replacing that of a dead process; raises OSError."""
-    if len(str(path).encode()) > LONGEST:
+    """Return a socket that listens at a path, replacing that of a dead process; raises OSError.
+
+    It gets its name once it listens: a stop removes a socket that refuses it as that of a dead process.
+    """
+    unnamed = path.with_name(f".{path.name}")
+    if len(str(unnamed).encode()) > LONGEST:
         raise OSError(f"{path} is too long for a Unix socket; set FLEET_RUNTIME_DIR to a shorter place")
-    path.unlink(missing_ok=True)
+    unnamed.unlink(missing_ok=True)
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
-        listener.bind(str(path))
+        listener.bind(str(unnamed))
         listener.listen()
         listener.setblocking(False)
+        unnamed.replace(path)
     except OSError:
         listener.close()
         raise
