@@ -88,7 +88,7 @@ def _battery_trouble(percent: float | None, least: float | None, most: float | N
     if percent is None:
         return "its battery is unknown"
     if least is not None and percent < least:
-        return f"its battery is at {percent:.0f} %, {least:g} % is required"
+        return f"its battery is at {percent:.3g} %, {least:g} % is required"
     if most is not None and percent > most:
-        return f"its battery is at {percent:.0f} %, at most {most:g} % is required"
+        return f"its battery is at {percent:.3g} %, at most {most:g} % is required"
     return ""

@@ -67,10 +67,10 @@ def test_a_health_that_this_version_does_not_know_is_refused():
     ("battery", "words"),
     [
         (60.0, ""),
-        (59.6, "its battery is at 60 %, 60 % is required"),
+        (59.6, "its battery is at 59.6 %, 60 % is required"),
         (12.0, "its battery is at 12 %, 60 % is required"),
         (90.0, ""),
-        (90.5, "its battery is at 90 %, at most 90 % is required"),
+        (90.5, "its battery is at 90.5 %, at most 90 % is required"),
         (None, "its battery is unknown"),
     ],
 )
