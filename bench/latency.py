@@ -42,10 +42,10 @@ from bench.common import (
 
 ROUNDS = 2
 EACH = 400  # commands per round; a round takes over a minute
-PAUSE = 0.01  # s between commands, in which the vehicle acknowledges them, and between hops
+PAUSE = 0.01  # s between commands, and between hops
 DRONES = 50
 DO_SET_HOME = 179  # MAV_CMD
-COMMAND_INT, SET_POSITION_TARGET_LOCAL_NED = 75, 84
+COMMAND_INT, COMMAND_ACK, SET_POSITION_TARGET_LOCAL_NED = 75, 77, 84
 KINDS = ("move", "set_home_here")
 
 PEER = """
@@ -104,6 +104,7 @@ class CommandRelay:
         self.fleet_port = fleet_port
         self.vehicle = None
         self.passed = threading.Event()
+        self.acknowledged = threading.Event()
         self.at = 0.0
         self._waited_for = None
         threading.Thread(target=self._to_vehicle, daemon=True).start()
@@ -123,6 +124,7 @@ class CommandRelay:
     def wait_for(self, requested):
         """Arm the relay for the command ``requested``, in the form that ``requested_in`` yields."""
         self.passed.clear()
+        self.acknowledged.clear()
         self._waited_for = requested
 
     def _to_fleet(self):
@@ -130,18 +132,24 @@ class CommandRelay:
         while True:
             data, self.vehicle = self.far.recvfrom(65536)
             self.near.sendto(data, ("127.0.0.1", self.fleet_port))
+            if any(number == COMMAND_ACK for number, _ in frames_in(data)):
+                self.acknowledged.set()
+
+
+def frames_in(data):
+    """Yield message ID and payload of the MAVLink 2 frames of a datagram."""
+    while len(data) >= 12 and data[0] == 0xFD:
+        yield int.from_bytes(data[7:10], "little"), data[10 : 10 + data[1]].ljust(53, b"\0")
+        data = data[data[1] + 12 + (13 if data[2] & 1 else 0) :]
 
 
 def requested_in(data):
-    """Yield what the MAVLink 2 frames of a datagram command: a climb rate in mm/s, or the ID of a command."""
-    while len(data) >= 12 and data[0] == 0xFD:
-        payload = data[10 : 10 + data[1]].ljust(53, b"\0")
-        number = int.from_bytes(data[7:10], "little")
+    """Yield what the frames of a datagram command: a climb rate in mm/s, or the ID of a command."""
+    for number, payload in frames_in(data):
         if number == SET_POSITION_TARGET_LOCAL_NED:
             yield "move", round(-1000 * struct.unpack_from("<f", payload, 24)[0])
         elif number == COMMAND_INT:
             yield "set_home_here", int.from_bytes(payload[28:30], "little")
-        data = data[data[1] + 12 + (13 if data[2] & 1 else 0) :]
 
 
 class Cloud:
@@ -162,12 +170,20 @@ class Cloud:
         return time.monotonic() - began
 
     def command(self, kind, twin, relay):
-        """Send a command and return the seconds until its bytes pass the relay, or None after 1 s."""
+        """Send a command and return the seconds until its bytes pass the relay, or None after 1 s.
+
+        The next one may be sent once the vehicle has acknowledged this one: our edge gives a vehicle one
+        command at a time, and would otherwise wait for these drones, which run at idle priority.
+        """
         climb = next(self._climbs)
         fields = {"linear_z": climb / 1000} if kind == "move" else {}
         relay.wait_for((kind, climb if kind == "move" else DO_SET_HOME))
         began = self.send(kind, twin, **fields)
-        return relay.at - began if relay.passed.wait(1) else None
+        if not relay.passed.wait(1):
+            return None
+        if kind == "set_home_here":
+            relay.acknowledged.wait(5)
+        return relay.at - began
 
     def send(self, name, twin, **fields):
         """Send a command and return the monotonic time."""
