@@ -139,10 +139,6 @@ class StepRunner:
             self.losses.fail(f"step {self.name}: {robot} cannot: {refusal}; no robot moved")
             return
         self._unprepared.discard(robot)
-        self._begin_prepared()
-
-    def _begin_prepared(self) -> None:
-        """Begin the prepared step once all its robots can."""
         step = instruction_of(self.program, self.head)
         if not self._unprepared and isinstance(step, Do):
             self._begin_all(step)
@@ -187,10 +183,8 @@ class StepRunner:
     def check(self) -> None:
         """Check the completion of the step that robots execute; one that prepares waits for no lost robot."""
         if self.head.phase is Phase.PREPARING:
-            left = self._unprepared.intersection(member.robot for member in self.robots.within())
-            if left != self._unprepared:
-                self._unprepared = left
-                self._begin_prepared()
+            for robot in self._unprepared.difference(member.robot for member in self.robots.within()):
+                self.prepared(robot, "")
             return
         step = instruction_of(self.program, self.head)
         if self.head.phase is not Phase.STEP or not isinstance(step, Do | Leave):

@@ -105,7 +105,8 @@ def test_a_removed_message_leaves_its_room_once():
     assert (buffer.count, buffer.room, buffer.all()) == (1, 1, [second])
     assert buffer.fits(message(3, payload=b"x"))
     assert not buffer.fits(message(3, payload=b"xx"))
-    assert buffer.can_fit(message(3, EVENT, b"x" * (OVERHEAD + 3)), 1)
+    assert buffer.can_fit(message(3, EVENT, b"x"), 1)
+    assert not buffer.can_fit(message(3, EVENT, b"xx"), 1)
 
 
 def test_a_message_that_returns_is_the_oldest_of_its_class():
