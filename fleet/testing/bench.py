@@ -23,6 +23,7 @@ POLL_INTERVAL = 0.02  # s between checks of the event loop
 ONLINE_WITHIN = 60.0  # s; a simulator may have to start first
 STEP = 0.05  # s between checks of the robot
 FRESH = 0.5  # s; a robot at rest may report no pose
+WINDOW = 0.3  # s over which poses give a velocity: the last step of a coarse counter (1 cm) is no motion
 ENDS_WITHIN = 5.0  # s within which the tasks of an attempt must end
 
 
@@ -35,13 +36,15 @@ class Bench(Operator):
         self.life = asyncio.ensure_future(serve(adapter))
 
     async def pass_time(self, seconds: float) -> None:
-        """Let time pass for the adapter; raises the exception that ended its attempt."""
+        """Let time pass for the adapter; raises the exception that ended its attempt or a periodic call."""
         if isinstance(self.robot, RecordingRobot):
             for _ in range(3):
                 await asyncio.sleep(0)
             self.robot.advance(seconds)
         else:
             await asyncio.sleep(seconds)
+            if self.robot.failure is not None:
+                raise self.robot.failure
         if self.life.done():
             self.life.result()
             raise AssertionError("its run has ended by itself")
@@ -61,12 +64,12 @@ class Bench(Operator):
         return self.robot.is_connected and bool(healths) and healths[-1].level < Level.OFFLINE
 
     def velocity_by_poses(self) -> Velocity | None:
-        """Return the body velocity from the newest two poses; None without two recent poses."""
+        """Return the mean body velocity of the last ``WINDOW`` s; None without two poses, the last recent."""
         poses = self.robot.reports_of(PoseReport)
         if len(poses) < 2 or self.robot.clock.time() - poses[-1].stamp > FRESH:
             return None
         new = poses[-1]
-        old = next((each for each in reversed(poses) if new.stamp - each.stamp >= STEP), poses[0])
+        old = next((each for each in reversed(poses) if new.stamp - each.stamp >= WINDOW), poses[0])
         seconds = new.stamp - old.stamp
         if seconds <= 0:
             return None

@@ -202,12 +202,14 @@ class RecordingRobot(_CallRecorder):
 class LoopRobot(_CallRecorder):
     """A recording robot in the time of the running event loop, which makes the calls until ``close``.
 
-    In a loop with simulated time everything runs as fast as possible.
+    In a loop with simulated time everything runs as fast as possible. ``failure``: the exception of a
+    periodic call, which ended all of them; the host would end the ``run``.
     """
 
     def __init__(self, name: str = "robot", limits: Limits | None = None) -> None:
         super().__init__(name, limits or Limits())
         self.clock = LoopClock(asyncio.get_running_loop())
+        self.failure: Exception | None = None
         self._timers: dict[Callable[[], None], asyncio.TimerHandle] = {}
 
     def every(self, seconds: float, call: Callable[[], None]) -> None:
@@ -216,7 +218,12 @@ class LoopRobot(_CallRecorder):
 
         def again() -> None:
             self._timers[call] = loop.call_later(seconds, again)
-            call()
+            try:
+                call()
+            except Exception as error:
+                self.log.exception("a periodic call failed")
+                self.failure = error
+                self.close()
 
         self._timers[call] = loop.call_later(seconds, again)
 

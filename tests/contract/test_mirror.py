@@ -40,7 +40,6 @@ FLEET = {
     "sim/broker/server.py": "fleet/sim/broker/test_connection.py",
     "sim/broker/session.py": "fleet/sim/broker/test_connection.py",
     "sim/process.py": "fleet/sim/test_server.py",
-    "testing/bench.py": "fleet/testing/test_planted_bugs.py",
     "video/peer.py": "fleet/video/test_sender.py",
     "video/track.py": "fleet/video/test_sender.py",
 }
@@ -133,7 +132,7 @@ ADAPTERS = {
 }
 ELSEWHERE = {"fleet": FLEET, "adapters": ADAPTERS, "plugins": {}}
 """Modules with logic whose tests stand elsewhere, with where, by tree. To be made shorter, never longer."""
-CEILINGS = {"fleet": 38, "adapters": 85, "plugins": 0}
+CEILINGS = {"fleet": 37, "adapters": 85, "plugins": 0}
 """How many modules of each tree may have their tests elsewhere. Lower a number when its list gets shorter."""
 LOGIC = (ast.If, ast.IfExp, ast.For, ast.AsyncFor, ast.While, ast.Try, ast.Match)
 trees = pytest.mark.parametrize("tree", sorted(ELSEWHERE))
