@@ -2,7 +2,17 @@
 
 import signal
 
+import pytest
+
 from fleet.supervisor.signals import handled_signals
+
+
+@pytest.fixture(autouse=True)
+def _not_ignored():
+    """Handle SIGHUP by default, also where nohup runs the tests."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
 
 
 def test_a_signal_is_handled_inside_the_block_and_as_before_behind_it():
