@@ -190,8 +190,8 @@ class Standby:
         for robot in self._robots if after_takeover else ():
             apart = robot.controller.guard.apart
             if apart is not None and robot.config.start is not None:  # it may be far from there by now
-                apart.placement, apart.at = None, None
-                apart.lost = f"edge {self._other} may have moved it since its start"
+                apart.at = None
+                apart.lose_placement(f"edge {self._other} may have moved it since its start")
         self._barred, self._why = False, ""
         for twin in {robot.twin for robot in self._robots}:
             self._on_holder(twin, self._holders.get(twin, ""))

@@ -30,6 +30,7 @@ from fleet.runtime.decoding import decode_json
 log = logging.getLogger(__name__)
 
 TELL = 0.1  # s between messages to other processes
+MOST_NAMED = 8  # robots that are named where the distance from others is unknown
 SPEEDING_UP = 1.0  # m that a robot of another process may be nearer than its last speed implies
 
 
@@ -80,6 +81,7 @@ class RobotPositions:
         self._reported: dict[str, tuple[float, _ReportedRobot]] = {}
         self._reporters: dict[str, str] = {}  # process that reported a robot last
         self._gone: set[str] = set()
+        self._hidden: dict[str, list[str]] = {}  # by frame: the robots that are not in it, or lost
 
     @property
     def alone(self) -> bool:
@@ -100,12 +102,18 @@ class RobotPositions:
         """Add a robot of this edge, in any process, that is not placed yet."""
         self._edges[name] = self.edge
         self._gone.discard(name)
+        self.placements_changed()
 
     def leave(self, name: str) -> None:
         """Remove a robot from this edge, also in its other processes."""
         for table in (self._own, self._reported, self._edges, self._reporters):
             table.pop(name, None)
         self._gone.add(name)
+        self.placements_changed()
+
+    def placements_changed(self) -> None:
+        """Note that a robot has a first position, lost its placement, or came or went."""
+        self._hidden.clear()
 
     def place(self, world: GeoOrigin) -> Placement:
         """Return the placement of a world on Earth; the first such world becomes the origin."""
@@ -176,12 +184,20 @@ class RobotPositions:
         if not frame:
             placed = own.placement is not None
             return "unknown: " + ("it has not reported its position" if placed else "it is not placed")
-        hidden = [
-            other
-            for other in self._edges
-            if other != name and (self._frame(other) != frame or self._is_lost(other))
-        ]
-        return f"unknown to {', '.join(hidden)}" if hidden else ""
+        hidden = self._hidden_from(frame)
+        more = f" and {len(hidden) - MOST_NAMED} more" if len(hidden) > MOST_NAMED else ""
+        return f"unknown to {', '.join(hidden[:MOST_NAMED])}{more}" if hidden else ""
+
+    def _hidden_from(self, frame: str) -> list[str]:
+        """Return the robots that are not in a frame, or lost: the same for all that are in it.
+
+        It is kept until a placement changes: every robot reports it every second.
+        """
+        if frame not in self._hidden:
+            self._hidden[frame] = [
+                other for other in self._edges if self._frame(other) != frame or self._is_lost(other)
+            ]
+        return self._hidden[frame]
 
     def _is_lost(self, name: str) -> bool:
         """Return whether a robot was placed and no longer is."""
@@ -215,6 +231,7 @@ class RobotPositions:
             log.warning("positions of robots from edge %s cannot be read: %s", edge, error)
             return
         now = self._clock.monotonic()
+        self.placements_changed()
         placement = None if sheet.anchor is None else self.place(sheet.anchor)
         for reported in sheet.robots:
             name, on_earth = reported.robot.name, reported.on_earth or sheet.located

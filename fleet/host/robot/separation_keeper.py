@@ -16,6 +16,7 @@ import msgspec
 from fleet.clock import Clock
 from fleet.errors import CommandError, LinkError
 from fleet.host.requests.event_reporter import EventReporter
+from fleet.host.robot.measured_velocity import GAP, MeasuredVelocity
 from fleet.host.safety.separation import (
     Occupant,
     admitted,
@@ -37,8 +38,6 @@ POLL_INTERVAL = 0.1  # s between checks of the others while it moves
 STALE = 2 * POLL_INTERVAL  # s after which a check is too old for a velocity
 JUDGED = 0.05  # s for which a judgement holds for similar velocities
 ALIKE = 0.1  # m/s, and rad/s; velocities this close count as similar
-MEASURED = 0.2  # s of poses over which the velocity is measured
-GAP = 1.0  # s without a pose after which the measurement restarts
 JUMP = 1.0  # m beyond the possible distance that mean an odometry reset
 SPEEDING_UP = 0.8  # m/s that an autopilot may have added since the last measurement
 SAID = 1.0  # s for which a robot that was held counts as held
@@ -54,6 +53,9 @@ class OtherRobots(Protocol):
 
     def place(self, world: GeoOrigin) -> Placement:
         """Return the placement of a world on Earth in the common frame."""
+
+    def placements_changed(self) -> None:
+        """Note that a robot has a first position, or lost its placement."""
 
     def others(self, name: str) -> Sequence[Occupant]:
         """Return all other robots whose position in this robot's frame is known."""
@@ -105,23 +107,6 @@ class HoldNotice:
         """Clear the cause once the robot has not been held for a while."""
         if self.cause and self._clock.monotonic() > self._until:
             self.cause = ""
-
-
-class MeasuredVelocity:
-    """Velocity of a robot (``value``, m/s) measured from its positions."""
-
-    def __init__(self) -> None:
-        self.value = Vector3()
-        self._at = Vector3()
-        self._time = 0.0
-
-    def observe(self, at: Vector3, now: float) -> None:
-        """Add a position; the velocity is measured over several of them."""
-        elapsed = now - self._time
-        if elapsed < MEASURED:
-            return
-        self.value = (at - self._at).scaled(1 / elapsed) if elapsed <= GAP else Vector3()
-        self._at, self._time = at, now
 
 
 class SeparationKeeper:
@@ -222,8 +207,11 @@ class SeparationKeeper:
         at = self.placement.to_site(pose.position)
         if self.at is not None and not self.on_earth and self._has_jumped(at, now):
             return
+        first = self.at is None
         self.at, self._seen, self._yaw = at, now, pose.rotation.yaw + self.placement.yaw
         self._velocity.observe(at, now)
+        if first:
+            self.others.placements_changed()
 
     def _has_jumped(self, at: Vector3, now: float) -> bool:
         """Return whether the position is impossible; the robot's placement is then lost."""
@@ -231,11 +219,15 @@ class SeparationKeeper:
         gone = (at - self.at).horizontal()
         if gone <= JUMP + self._fastest * min(now - self._seen, GAP):
             return False
-        self.lost = f"its position jumped by {gone:.1f} m: its odometry began anew"
-        self.placement = None
+        self.lose_placement(f"its position jumped by {gone:.1f} m: its odometry began anew")
         unknown = {"reason": self.lost}
         self._event_reporter.event(EventKind.SEPARATION, f"separation unknown: {self.lost}", data=unknown)
         return True
+
+    def lose_placement(self, why: str) -> None:
+        """Record that the robot is no longer placed, and why; others keep away from its last position."""
+        self.lost, self.placement = why, None
+        self.others.placements_changed()
 
     @property
     def reach(self) -> float:

@@ -22,13 +22,22 @@ OTHER = LeaseEntry("right", "right-1", 4)
 LEASE, FAILSAFE = 0.5, 2.0  # of the robot: s for which a velocity holds, s until its own fail-safe
 
 
+class Apart:
+    """The part of a separation keeper that knows the place of its robot."""
+
+    placement, at, lost = "there", 1.0, ""
+
+    def lose_placement(self, why):
+        self.placement, self.lost = None, why
+
+
 class Robot:
     """A robot that does not run here."""
 
     def __init__(self, failsafe=FAILSAFE):
         self.name, self.twin = "rex", "twin-1"
         self.config = SimpleNamespace(setpoint_lease=LEASE, failsafe_after=failsafe, start=object())
-        self.apart = SimpleNamespace(placement="there", at=1.0, lost="")
+        self.apart = Apart()
         self.controller = SimpleNamespace(
             permit=SimpleNamespace(refusal=None, stopped=None),
             latch=EmergencyStopLatch(),

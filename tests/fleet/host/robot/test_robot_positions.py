@@ -13,7 +13,7 @@ from fleet.host.robot.separation_keeper import SeparationKeeper
 from fleet.model.command import ReplyStatus
 from fleet.model.geodesy import GeoOrigin, geo_from_world
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3
-from fleet.robot_config import AdapterConfig, Limits, Separation
+from fleet.robot_config import MAIN, AdapterConfig, Limits, Separation
 from fleet.testing.clock import ManualClock
 
 SITE = GeoOrigin(47.397742, 8.545594, 488.0)
@@ -108,6 +108,56 @@ def test_why_nobody_knows_how_far_a_robot_is_from_others_is_said(clock):
     assert traffic.unknown("rex") == "unknown to ugv"
     ugv.observe(Pose())
     assert traffic.unknown("rex") == ""
+
+
+def test_of_many_robots_that_are_unknown_the_first_are_named(clock):
+    names = [f"ugv-{number}" for number in range(1, 11)]
+    traffic = RobotPositions(SITE, ("rex", *names), clock)
+    joined(traffic, clock, "rex", (0.0, 0.0, 0.0)).observe(Pose())
+    assert traffic.unknown("rex") == f"unknown to {', '.join(names[:8])} and 2 more"
+
+
+def test_what_is_known_follows_every_change_at_once(clock):
+    traffic, there = (RobotPositions(SITE, NAMES, clock) for _ in range(2))
+    rex, ugv = (joined(traffic, clock, name, (1.0, 0.0, 0.0)) for name in ("rex", "ugv"))
+    rex.observe(Pose())
+    drone = joined(there, clock, "drone", (9.0, 0.0, 0.0))
+    said = [traffic.unknown("rex")]
+    for change in (
+        lambda: ugv.observe(Pose()),
+        lambda: (drone.observe(Pose()), traffic.receive(there.sheet(), "")),
+        lambda: (drone.observe(Pose(Vector3(40.0))), traffic.receive(there.sheet(), "")),
+        lambda: ugv.lose_placement("it was carried away"),
+        lambda: traffic.leave("ugv"),
+        lambda: (there.leave("drone"), traffic.receive(there.sheet(), "", process=MAIN)),
+        lambda: traffic.expect("dog"),
+    ):
+        change()
+        said.append(traffic.unknown("rex"))
+    assert [each.removeprefix("unknown to ") for each in said] == [
+        "ugv, drone", "drone", "", "drone", "ugv, drone", "drone", "", "dog"
+    ]  # fmt: skip
+
+
+def test_the_reasons_of_many_robots_take_one_look_at_each(clock):
+    class Counted:
+        on_earth, lost, placement = True, "", object()
+        looks = 0
+
+        def __init__(self, name):
+            self.name = name
+
+        @property
+        def at(self):
+            Counted.looks += 1
+            return Vector3()
+
+    names = [f"drone-{number}" for number in range(300)]
+    traffic = RobotPositions(None, names, clock)
+    for name in names:
+        traffic.join(Counted(name))
+    assert {traffic.unknown(name) for name in names} == {""}
+    assert Counted.looks <= 3 * len(names)
 
 
 def test_a_robot_that_is_alone_on_its_edge_is_unknown_to_nobody(clock):
