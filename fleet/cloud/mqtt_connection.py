@@ -154,7 +154,10 @@ class MqttConnection:
             logger.exception("dispatching received messages failed")
         if more:
             self._dispatch_again(self._follow_up)
-        self._loop.call_soon(self._conclude)
+        if more or self._failure is not None or self._session.owes_reply or not self.ready.done():
+            self._loop.call_soon(self._conclude)
+        elif self._session.answers:  # acknowledgements alone: too many to wait a turn of the loop for each
+            self.spaced(self.flush)
 
     def _writable(self) -> None:
         """Write the buffered data and continue sending.

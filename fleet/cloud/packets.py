@@ -34,16 +34,13 @@ def frame_length(data: bytes, start: int = 0) -> int | None:
 
     Raises WireError for a length field of more than four bytes.
     """
-    known, at, size, shift = len(data), start + 1, 0, 0
-    while at < known:
-        byte = data[at]
-        size |= (byte & 0x7F) << shift
-        at += 1
+    size = 0
+    for place, byte in enumerate(data[start + 1 : start + 5]):
+        size |= (byte & 0x7F) << 7 * place
         if byte < MORE:
-            return at - start + size
-        shift += 7
-        if shift == 28:
-            raise WireError("a packet's length field is longer than four bytes")
+            return place + 2 + size
+    if len(data) >= start + 5:
+        raise WireError("a packet's length field is longer than four bytes")
     return None
 
 

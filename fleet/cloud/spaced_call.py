@@ -25,10 +25,12 @@ class SpacedCall:
 
     def __call__(self, call: Callable[[], None]) -> None:
         """Make the call now, or plan it."""
+        if self.planned:
+            return
         wait = self._marked + self._spacing - self._clock.monotonic()
         if wait <= 0:
             call()
-        elif not self.planned:
+        else:
             self.planned = True
             self._loop.call_later(wait, self._make, call)
 

@@ -39,6 +39,7 @@ s: a string; a digit: so many bytes; i: the packet identifier of QoS 1 and 2; p:
 CONNECT behind its properties; ``*``: filters to the end, each with an options byte in a SUBSCRIBE.
 """
 _SUBSCRIBE = 8
+_SHORTEST_TEXT = 5  # bytes of a packet with one: type, length, two bytes of the text's length, a character
 _QOS = 0x06
 _HAS_WILL, _HAS_USER = 0x04, 0x80
 
@@ -153,9 +154,10 @@ def has_broken_text(packet: memoryview) -> bool:
     """Return whether a string in a complete MQTT 5 packet is not UTF-8; False if it is malformed before.
 
     A packet of ASCII characters behind its first two bytes has no broken text. A length field of three bytes
-    or more, which is not ASCII either, is that of a long packet, which is scanned.
+    or more, which is not ASCII either, is that of a long packet, which is scanned. Neither has the usual
+    acknowledgement: its four bytes end with the packet identifier.
     """
-    if bytes(packet[2:]).isascii():
+    if len(packet) < _SHORTEST_TEXT or bytes(packet[2:]).isascii():
         return False
     try:
         _Scanner(packet).packet()
