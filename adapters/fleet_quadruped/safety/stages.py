@@ -35,6 +35,7 @@ class BodyMode(enum.StrEnum):
     POSING = "posing"  # single joints move, near the posture at the start
     HELD = "held"  # holds the posture after joint moves
     DAMPED = "damped"  # hard stop; off follows
+    UNKNOWN = "unknown"  # of a self-walking machine: its number is missing from the description
 
 
 EMERGENCY_STOP = "emergency stop"

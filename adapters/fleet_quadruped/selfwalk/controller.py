@@ -73,7 +73,7 @@ class SelfWalkController:
     @property
     def resting(self) -> bool:
         """True when the process may end."""
-        return self._telemetry.mode in _LOOSE and not self._telemetry.unnamed
+        return self._telemetry.mode in _LOOSE
 
     @property
     def oldest(self) -> float:
@@ -221,6 +221,8 @@ class SelfWalkController:
         """Return why it cannot get up now; a request that the host lets through clears an emergency stop."""
         if self._telemetry.is_stale:
             return "the machine reports no state"
+        if self._telemetry.unnamed:
+            return self._telemetry.unnamed
         if self._telemetry.mode is not BodyMode.OFF and self._telemetry.mode not in TAKEN[request]:
             return f"it is {self._telemetry.mode.value}"
         if self.fault == EMERGENCY_STOP:

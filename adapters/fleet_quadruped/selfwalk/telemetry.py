@@ -44,7 +44,7 @@ class Telemetry:
         if self.is_stale:
             return
         number = round(values.get("mode", -1))
-        self.mode = self._walker.modes.get(number, BodyMode.OFF)
+        self.mode = self._walker.modes.get(number, BodyMode.UNKNOWN)
         known = number in self._walker.modes
         self.unnamed = "" if known else f"it reports mode {number}, which is not in modes"
         error = round(values.get("error", 0))

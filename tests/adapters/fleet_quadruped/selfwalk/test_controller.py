@@ -143,8 +143,22 @@ def test_a_reset_does_not_end_an_emergency_stop_that_the_machine_has_not_obeyed(
 def test_a_mode_that_the_description_does_not_name_is_reported_and_not_left_alone(standing):
     standing.machine._numbers[BodyMode.STANDING] = 9
     standing.go(0.2)
-    assert standing.state.warning == "it reports mode 9, which is not in modes"
+    assert (standing.state.mode, standing.state.warning) == (
+        "unknown",
+        "it reports mode 9, which is not in modes",
+    )
     assert not standing.controller.resting
+
+
+def test_a_mode_without_a_name_is_not_the_end_of_sitting_down(standing):
+    standing.machine._numbers |= {BodyMode.STANDING: 9, BodyMode.SITTING: 9, BodyMode.OFF: 9}
+    assert standing.request(BodyRequest.SIT) == "sit_down was not taken within 1 s: it is unknown"
+
+
+def test_a_machine_in_a_mode_without_a_name_is_not_told_to_get_up(standing):
+    standing.machine._numbers[BodyMode.STANDING] = 9
+    standing.go(0.2)
+    assert standing.request(BodyRequest.STAND) == "it reports mode 9, which is not in modes"
 
 
 def test_a_machine_that_falls_silent_is_not_led_on_and_then_lost(standing):

@@ -50,11 +50,11 @@ def test_its_mode_is_what_its_number_means(machine, mode):
     assert (telemetry.mode, telemetry.unnamed) == (mode, "")
 
 
-def test_a_mode_that_is_not_described_is_told_and_counts_as_off(machine):
+def test_a_mode_that_is_not_described_is_told_and_is_no_posture(machine):
     unknown = max(machine.walker.modes) + 1
     telemetry = machine.say(mode=unknown).update()
     words = f"it reports mode {unknown}, which is not in modes"
-    assert (telemetry.mode, telemetry.unnamed) == (BodyMode.OFF, words)
+    assert (telemetry.mode, telemetry.unnamed) == (BodyMode.UNKNOWN, words)
     telemetry = machine.say(mode=machine.number(BodyMode.STANDING)).update()
     assert telemetry.unnamed == ""
 
