@@ -40,6 +40,8 @@ class CanFrame(msgspec.Struct, frozen=True, gc=False):
         size = len(self.data)
         if not 0 <= self.id <= HIGHEST_ID:
             raise ValueError(f"{self.id:X}h is not a CAN identifier; the highest is {HIGHEST_ID:X}h")
+        if self.fd and self.remote:
+            raise ValueError("CAN FD has no remote frames")
         if (size > 8 and not self.fd) or (self.fd and size not in FD_LENGTHS) or (self.remote and size):
             kind = "remote" if self.remote else "CAN FD" if self.fd else "classic"
             raise ValueError(f"a {kind} frame has no {size} bytes of data")

@@ -108,9 +108,11 @@ class Cia402Node(ReportingDrive):
 
     def take_heartbeat(self, data: bytes, now: float) -> None:
         """Process a heartbeat; a boot-up after the first one means a restart."""
-        state = data[0] & 0x7F if data else None
+        if not data:  # a frame without the state is no sign of life
+            return
+        state = data[0] & 0x7F
         if state == BOOT_UP and self.heartbeat_at < math.inf:
             self.restarted = True
-        if state is not None and state != BOOT_UP:
+        if state != BOOT_UP:
             self.nmt = state
         self.heartbeat_at = now

@@ -66,9 +66,10 @@ def test_an_identifier_that_can_does_not_have_is_refused(number):
         (9, True, False, "a CAN FD frame has no 9 bytes of data"),
         (65, True, False, "a CAN FD frame has no 65 bytes of data"),
         (1, False, True, "a remote frame has no 1 bytes of data"),
+        (0, True, True, "CAN FD has no remote frames"),
     ],
 )
-def test_a_length_that_can_does_not_have_is_refused(size, fd, remote, refusal):
+def test_a_frame_that_can_does_not_have_is_refused(size, fd, remote, refusal):
     with pytest.raises(ValueError, match=refusal):
         CanFrame(1, bytes(size), fd, remote).packed()
 

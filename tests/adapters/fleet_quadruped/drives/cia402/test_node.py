@@ -101,6 +101,12 @@ def test_a_drive_without_a_heartbeat_is_a_fault_once_it_had_one(bench):
     assert bench.power(9.11) == (Power.FAULT, "no heartbeat (700h) from id 7 for 0.11 s")
 
 
+def test_a_heartbeat_without_a_state_is_no_sign_of_life(bench):
+    bench.status(now=9.0).beat(now=9.0)
+    bench.node.take_heartbeat(b"", 9.09)
+    assert bench.power(9.11) == (Power.FAULT, "no heartbeat (700h) from id 7 for 0.11 s")
+
+
 @pytest.mark.parametrize("state", [0x04, PRE_OPERATIONAL])
 def test_a_drive_that_left_operation_stops_and_says_so(bench, state):
     words = f"id 7 has left operation (heartbeat {state:02X}h)"
