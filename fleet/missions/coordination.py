@@ -19,8 +19,8 @@ LAPSES_AFTER = 3.0  # s without a renewal
 class RobotLeaseRequest(msgspec.Struct, frozen=True, omit_defaults=True):
     """Request or renewal of the lease of robots; ``robots``: the action of each after the expiry, by name.
 
-    Robots that are left out are released. ``transport``, ``source_type`` and ``session_id`` are the authority
-    of the run, which is checked if ``begins``.
+    Robots that are left out of a renewal are released; it cannot add any. ``transport``, ``source_type`` and
+    ``session_id`` are the authority of the run, which is checked if ``begins``.
     """
 
     run: str
@@ -61,9 +61,9 @@ class CoordinatorLeases:
         if request.robots:
             self._held[key] = now + LAPSES_AFTER, request.robots
 
-    def holds(self, edge: str, run: str) -> bool:
-        """Return True if an edge holds the lease of a run."""
-        return (edge, run) in self._held
+    def robots(self, edge: str, run: str) -> frozenset[str]:
+        """Return the robots that an edge has in a run; none without a lease."""
+        return frozenset(self._held[edge, run][1]) if (edge, run) in self._held else frozenset()
 
     def lapsed(self, now: float) -> list[Lapsed]:
         """Remove expired leases; return their robots."""

@@ -86,8 +86,11 @@ class Coordinators:
         if request.edge not in self._trusted:
             return f"fleet.yaml of {self._edge} does not let {request.edge} coordinate its robots (partners)"
         if not request.begins:
-            lapsed = bool(request.robots) and not self._leases.holds(request.edge, request.run)
-            return "the lease has lapsed" if lapsed else ""
+            held = self._leases.robots(request.edge, request.run)
+            added = sorted(request.robots.keys() - held)
+            if added and held:
+                return f"a renewal cannot add {', '.join(added)}: their policy was not asked"
+            return "the lease has lapsed" if added else ""
         transport = Transport.CLOUD if request.transport == Transport.CLOUD else Transport.BUS
         origin = Origin(transport, request.source_type, request.session_id)
         for robot in request.robots:

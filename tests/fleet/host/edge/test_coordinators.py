@@ -184,6 +184,14 @@ def test_a_lease_that_has_lapsed_is_not_renewed_and_may_be_given_back(barn):
     assert barn.lease(robots={}) == ""
 
 
+def test_a_renewal_cannot_add_a_robot_whose_policy_was_not_asked(barn):
+    barn.lease(begins=True)
+    refusal = "a renewal cannot add rex: their policy was not asked"
+    assert barn.lease(robots={"own": "hold", "rex": "hold"}) == refusal
+    barn.silent()
+    assert (barn.robots["own"].asked, barn.robots["rex"].asked) == (["stop"], [])
+
+
 def test_robots_that_are_given_back_are_not_stopped(barn):
     barn.lease(begins=True, robots={"own": "hold", "rex": "hold"})
     barn.lease(robots={"rex": "hold"})
