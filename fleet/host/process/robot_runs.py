@@ -63,8 +63,8 @@ class RobotRuns:
 
     async def all_ended(self, robots: Iterable[LocalRobot]) -> None:
         """Wait until no robot runs, including runs that ignore their cancellation."""
-        while self.tasks:
-            await asyncio.wait(self.tasks.values())
+        while running := [task for task in self.tasks.values() if not task.done()]:
+            await asyncio.wait(running)
             await asyncio.sleep(0)  # let the done callbacks remove the ended runs from the table
         leftovers = {robot.name: left for robot in robots if (left := robot.runner.leftover) is not None}
         if leftovers:

@@ -169,6 +169,18 @@ async def test_all_have_ended_once_none_runs(runs, rex):
     assert (runs.tasks, rex.whys) == ({}, ["the edge ends"])
 
 
+async def test_a_run_that_ended_by_itself_is_not_waited_for(runs, rex):
+    ada = Robot("ada")
+    for robot in (rex, ada):
+        runs.run(robot)
+    await settle()
+    runs.tasks["ada"].cancel()
+    await settle()
+    runs.suspend(rex, "the edge ends")
+    await asyncio.wait_for(runs.all_ended([rex, ada]), 20)
+    assert rex.whys == ["the edge ends"]
+
+
 async def test_an_adapter_that_does_not_end_is_waited_for_and_named(runs, rex, caplog):
     left = asyncio.get_running_loop().create_future()
     rex.runner.leftover = left
