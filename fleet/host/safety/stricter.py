@@ -96,14 +96,16 @@ def _separation(old: Separation, new: Separation) -> Separation:
     return old.model_copy(
         update={
             "radius": max(old.radius or 0.0, new.radius or 0.0) or None,
-            "braking": min(old.braking or math.inf, new.braking or math.inf, default_braking(old, new)),
+            "braking": weaker_braking(old.braking, new.braking),
         }
     )
 
 
-def default_braking(old: Separation, new: Separation) -> float:
-    """Return the default deceleration (m/s2) if one of the two leaves it out; else no bound."""
-    return math.inf if old.braking and new.braking else 0.5
+def weaker_braking(old: float | None, new: float | None) -> float | None:
+    """Return the smaller deceleration (m/s2); if only one is left out, it counts as the default."""
+    if old is None and new is None:
+        return None
+    return min(old or 0.5, new or 0.5)
 
 
 def _battery(old: BatteryPolicy | None, new: BatteryPolicy | None) -> BatteryPolicy | None:

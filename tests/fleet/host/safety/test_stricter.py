@@ -2,6 +2,7 @@
 
 import math
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -87,6 +88,32 @@ def no_looser(both, one):
 @given(configs)
 def test_of_two_that_are_alike_nothing_is_changed(config):
     assert is_equally_strict(as_strict_as_both(config, config, **OWN), config, *OWN.values())
+
+
+@given(configs)
+def test_a_configuration_that_stays_as_it_is_loosens_nothing_whatever_it_leaves_out(config):
+    assert not may_loosen(config, config)
+
+
+BRAKING = [
+    # deceleration before and after (m/s2), None: left out; whether it may be a looser one
+    (None, None, False),
+    (1.0, 1.0, False),
+    (1.0, 0.3, False),
+    (0.3, 1.0, True),
+    (None, 0.3, True),  # the adapter's own may be weaker
+    (0.3, None, True),
+    (1.0, None, True),
+]
+
+
+@pytest.mark.parametrize(("before", "after", "loosens"), BRAKING)
+def test_a_stronger_braking_and_one_that_is_not_known_may_be_looser(before, after, loosens):
+    old, new = (
+        AdapterConfig(name="rex", twin=TWIN, separation=Separation(radius=1.0, braking=braking))
+        for braking in (before, after)
+    )
+    assert may_loosen(old, new) is loosens
 
 
 @given(fences, fences, st.tuples(st.floats(-30, 50), st.floats(-30, 50)))
