@@ -19,11 +19,8 @@ from fleet.client import Fleet
 from fleet.host.edge import changes
 from fleet.host.process import rebuild
 from fleet.host.requests.stop_cause import local_cause
-from fleet.host.workers import worker_changes
-from fleet.host.workers.worker_changes import WorkerChanges
 from fleet.model.change import ChangeKind, ChangesAnswer, ChangesRequest, Outcome
-from fleet.model.command import Reply, ReplyStatus
-from fleet.model.state import RobotState
+from fleet.model.command import Reply
 
 HERE = {"worker": "main"}
 GOTO = {"command": "goto", "position": [1.0, 2.0, 0.0], "action_id": "a1"}
@@ -322,81 +319,11 @@ async def test_the_edge_serves_its_robots_between_the_changes_of_two(field, monk
     assert threading.current_thread() not in compared_by
 
 
-class Worker:
-    """A worker process that is started again as soon as it ends."""
-
-    def __init__(self, *answers):
-        self.name, self.task, self.given, self.started = "limbs", b"old", b"old", 1
-        self.answers, self.forced, self.reachable = list(answers), [], True
-
-    def replace(self, task):
-        before, self.task = self.task, task
-        return before
-
-    def start(self):
-        self.given, self.started, self.reachable = self.task, self.started + 1, self.task == b"old"
-
-    def request_later(self, _key, _payload, *, parameters, on_answer, on_end, **_kept):
-        self.forced.append(bool(parameters))
-        answer = self.answers.pop(0)
-        if answer == "dies":
-            self.start()
-        elif not answer:
-            self.start()
-            on_answer(msgspec.json.encode(Reply("reload", ReplyStatus.ACCEPTED)))
-        else:
-            on_answer(msgspec.json.encode(Reply("reload", ReplyStatus.REJECTED, answer)))
-        on_end()
-
-    def state(self):
-        return RobotState(name="arm", twin="", adapter="", edge="", stamp=0.0, reachable=self.reachable)
-
-
-async def changed(worker, monkeypatch):
-    monkeypatch.setattr(worker_changes, "BACK_WITHIN", 0.1)
-    monkeypatch.setattr(worker_changes, "task_of", lambda after, _worker: msgspec.Raw(after))
-    robot = SimpleNamespace(name="arm", worker="limbs", state=worker.state, silent=False)
-    workers = WorkerChanges("edge", worker, {"limbs": worker}, {"arm": robot})
-    return await workers.change("limbs", b"new", force=False)
-
-
-async def test_a_worker_is_not_ended_once_more_while_another_of_its_robots_moves(monkeypatch):
-    worker = Worker("", "leg is armed; disarm it first")
-    outcome, why = await changed(worker, monkeypatch)
-    assert (outcome, "leg is armed" in why, worker.forced) == (Outcome.PARTLY, True, [False, False])
-    assert worker.task == worker.given == b"new"
-
-
-async def test_a_worker_whose_robots_do_not_come_back_runs_with_the_task_of_before(monkeypatch):
-    worker = Worker("", "")
-    outcome, why = await changed(worker, monkeypatch)
-    assert (outcome, "configuration of before" in why) == (Outcome.FAILED, True)
-    assert worker.task == worker.given == b"old"
-
-
-async def test_a_worker_that_says_nothing_is_not_asked_and_not_waited_for():
-    robot, worker = SimpleNamespace(name="arm", worker="limbs", silent=True), Worker()
-    workers = WorkerChanges("edge", worker, {"limbs": worker}, {"arm": robot})
-    assert await workers.hold("limbs", {}) == {}
-    assert await workers.regroup({"all": ["arm"]}) == "worker limbs does not answer"
-    assert await workers.change("limbs", b"new", force=True) == (
-        Outcome.REFUSED,
-        "worker limbs does not answer",
-    )
-    assert (worker.forced, worker.task) == ([], b"old")
-
-
 def test_who_waits_for_an_edge_sees_that(monkeypatch):
     monkeypatch.setattr("fleet.cli.changes.SOON", 0.01)
     notes = queue.Queue()
     with _report_waiting(SimpleNamespace(note=notes.put), "yard-1"):
         assert notes.get(timeout=20).startswith("waiting for edge yard-1: one robot after the other")
-
-
-async def test_a_worker_that_died_and_came_up_with_the_change_is_not_reported_as_unchanged(monkeypatch):
-    worker = Worker("dies", "")
-    outcome, _why = await changed(worker, monkeypatch)
-    assert (outcome, worker.task, worker.given) == (Outcome.FAILED, b"old", b"old")
 
 
 async def test_a_stop_that_is_set_stays_set_and_can_be_released(field):
