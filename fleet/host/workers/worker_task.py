@@ -140,7 +140,8 @@ class Importer:
         found = dict(imported.adapters).get(task.adapter)
         if found is None:
             reports = "; ".join(imported.reports)
-            raise ConfigError(f"{task.name}: {path} has no adapter {task.adapter!r} {reports}".rstrip())
+            why = f": {reports}" if reports else ""
+            raise ConfigError(f"{task.name}: {path} has no adapter {task.adapter!r}{why}")
         return found
 
     def _installed(self, task: RobotTask) -> type[AnyAdapter]:
