@@ -6,10 +6,8 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
-from types import SimpleNamespace
 
 import msgspec
 import psutil
@@ -19,14 +17,12 @@ from fleet.bus import keys
 from fleet.clock import SystemClock
 from fleet.config.load import load
 from fleet.host.edge.edge import Edge
-from fleet.host.edge.worker_robots import _halt_worker
 from fleet.host.process.component_settings import worker_of
-from fleet.host.runtime.threads import NAME
 from fleet.host.workers.worker_manager import WorkerManager, names_of
 from fleet.model.command import Reply, Transport
 from fleet.supervisor.client import SupervisorClient
 from fleet.supervisor.protocol import StopRequest
-from tests.tools.waiting import DEADLINE, wait_until
+from tests.tools.waiting import wait_until
 
 MOVE = {"command": "move_forward", "data": {"linear_x": 1.0}}
 GOTO = {"command": "goto", "position": [1.0, 2.0, 0.0], "action_id": "a1"}
@@ -255,32 +251,6 @@ async def test_a_worker_that_cannot_be_started_is_reported_and_tried_again(monke
     task.cancel()
     await asyncio.wait({task})
     assert worker.said[0] == "worker arm: cannot be started: Too many open files"
-
-
-def hanging_process(put):
-    """Return a process of an edge whose bus does ``put``."""
-    bus = SimpleNamespace(control=SimpleNamespace(put=put))
-    return SimpleNamespace(edge="yard", bus=bus)
-
-
-def test_the_halt_of_a_hanging_worker_does_not_hold_up_the_loop_on_a_full_link():
-    freed, put = threading.Event(), []
-
-    def block(key, payload, *, urgent):
-        put.append((key, freed.wait(DEADLINE), urgent, threading.current_thread().name))
-
-    _halt_worker(hanging_process(block), "arm")  # returns with the link full
-    freed.set()
-    wait_until("it is on its way", lambda: put)
-    assert put == [(keys.halt("yard", "arm"), True, True, NAME)]
-
-
-def test_a_halt_over_a_closed_bus_is_reported(caplog):
-    def fail(*_, **__):
-        raise RuntimeError("the session is closed")
-
-    _halt_worker(hanging_process(fail), "arm")
-    wait_until("it is told", lambda: "its robots could not be halted over the bus" in caplog.text)
 
 
 async def test_a_hanging_worker_is_killed_though_its_halt_and_the_report_fail(monkeypatch, requests):
