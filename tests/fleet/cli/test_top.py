@@ -4,18 +4,14 @@ import signal
 import subprocess
 import sys
 import urllib.error
-import urllib.request
 
 import pytest
-from prometheus_client.parser import text_string_to_metric_families
 
 from fleet.bus import keys
-from fleet.client.fleet_metrics import FleetMetrics
-from fleet.client.fleet_watch import FleetWatch, of_sites
+from fleet.client.fleet_watch import FleetWatch
 from fleet.clock import SystemClock
-from fleet.errors import MetricsError
-from fleet.health.rollup import Reach, SeenEdge
-from fleet.model.summary import Summary, Trouble
+from fleet.model.summary import Trouble
+from tests.tools.scraping import scraped
 from tests.tools.waiting import wait_until
 
 HUB = Trouble("offline", "No such device; is it plugged in?", 1.0, 3, "ugv", "serial:/dev/ttyUSB3", ("a",))
@@ -93,13 +89,6 @@ def test_the_site_is_that_of_the_edges_here_and_the_fleet_is_all(fleet, play_edg
     place.sees("near")
     near.sees("far")
     assert {row["edge"] for row in fleet("ps", "--fleet", "--json").json["each"]} == {"near", "far"}
-    seen = [
-        SeenEdge(edge, True, 1.0, Summary(edge, "1", 1.0, 1.0, site))
-        for edge, site in (("near", "north"), ("far", "south"))
-    ]
-    unknown = SeenEdge("new", True, 1.0)
-    assert of_sites([*seen, unknown], ["near"], None) == [seen[0], unknown]
-    assert of_sites(seen, [], "south") == [seen[1]]
 
 
 def test_without_an_edge_it_says_how_to_start_one(fleet, runtime):
@@ -168,32 +157,6 @@ def test_a_terminal_shows_it_live(terminal, play_edge, runtime):
 
 
 # -- metrics ---------------------------------------------------------------------------------------------
-
-
-def scraped(port):
-    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=60) as answer:
-        text = answer.read().decode()
-    return {
-        (sample.name, *(value for _, value in sorted(sample.labels.items()))): sample.value
-        for family in text_string_to_metric_families(text)
-        for sample in family.samples
-    }
-
-
-def test_a_scraper_reads_all_edges_also_those_that_are_gone(free_port):
-    now = SystemClock.time()
-    metrics = FleetMetrics(SystemClock())
-    metrics.serve(0)
-    summary = Summary("b", "1.0", now, 1.0, "north", robots={"ok": 17, "offline": 3}, troubles=(HUB,))
-    metrics.take([SeenEdge("b", True, now, summary, now), SeenEdge("c", False, now, summary, now)])
-    seen = scraped(metrics.port)
-    assert (seen["fleet_edge_up", "b", Reach.UP], seen["fleet_edge_up", "c", Reach.GONE]) == (1, 0)
-    assert seen["fleet_edge_robots", "b", "offline"] == 3
-    assert ("fleet_edge_robots", "c", "offline") not in seen, "nobody knows"
-    cause = "No such device; is it plugged in?"
-    assert seen["fleet_trouble_robots", cause, "b", "ugv", "offline", "serial:/dev/ttyUSB3"] == 3
-    with pytest.raises(MetricsError, match="cannot be opened"):
-        FleetMetrics(SystemClock()).serve(metrics.port)
 
 
 def test_top_serves_them_while_it_runs(terminal, play_edge, runtime, free_port):

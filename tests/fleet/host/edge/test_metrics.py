@@ -1,9 +1,7 @@
 import asyncio
 import socket
-import urllib.request
 
 import pytest
-from prometheus_client.parser import text_string_to_metric_families
 
 from fleet.bridge.bridge import Bridge, BridgeRules
 from fleet.clock import SystemClock
@@ -17,6 +15,7 @@ from fleet.spool.message import Outgoing
 from fleet.wire.rulebook import rulebook, twin_rules
 from fleet.wire.rules import TrafficClass
 from fleet.wire.topics import Topics
+from tests.tools.scraping import scraped
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 
@@ -77,14 +76,8 @@ def metrics():
 
 
 def read(metrics):
-    """Return every sample by name and labels, as a scraper sees it."""
-    with urllib.request.urlopen(f"http://127.0.0.1:{metrics.port}/metrics", timeout=60) as answer:
-        text = answer.read().decode()
-    return {
-        (sample.name, *(value for _, value in sorted(sample.labels.items()))): sample.value
-        for family in text_string_to_metric_families(text)
-        for sample in family.samples
-    }
+    """Return every sample by name and labels."""
+    return scraped(metrics.port)
 
 
 def test_a_scraper_reads_what_was_carried_by_class_and_refused_by_reason(metrics):
