@@ -25,17 +25,19 @@ def test_a_robot_that_does_not_tell_its_commands_is_named_with_its_cause():
     assert edges.description(robot("rex")).adapter == "toy"
 
 
-@pytest.mark.parametrize(("person", "key"), [("", ""), ("anna", "/as/person/anna")])
-def test_a_request_goes_over_the_session_of_the_robot_under_the_name_of_its_person(person, key):
+@pytest.mark.parametrize(
+    ("person", "key", "wait", "told"), [("", "", False, "0"), ("anna", "/as/person/anna", True, "1")]
+)
+def test_a_request_goes_over_the_session_of_the_robot_under_the_name_of_its_person(person, key, wait, told):
     session, other = Session(person).has(robot("rex")), Session()
     edges = Edges({"yard": session, "barn": other}, [])
     session.answer(keys.command("yard", "rex"), Reply("walk", ReplyStatus.ACCEPTED))
     session.answer(keys.command("yard", "rex"), b"garbage")
     (rex,) = edges.states()
     other.requests.clear()
-    replies = list(edges.command(rex, b"{}", kind="command", wait=True, timeout=3.0))
+    replies = list(edges.command(rex, b"{}", kind="command", wait=wait, timeout=3.0))
     assert [reply.status for reply in replies] == [ReplyStatus.ACCEPTED]
-    asked = (keys.command("yard", "rex") + key, b"{}", 3.0, {"kind": "command", "wait": "1"})
+    asked = (keys.command("yard", "rex") + key, b"{}", 3.0, {"kind": "command", "wait": told})
     assert (session.requests[-1], other.requests) == (asked, [])
     assert list(edges.command(robot("nobody"), b"{}", kind="command", wait=False, timeout=3.0)) == []
 

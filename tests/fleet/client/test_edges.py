@@ -100,7 +100,11 @@ def test_two_robots_of_one_name_are_not_guessed():
     assert refused(edges_of(*ROBOTS, *GROUPS).named, "rex") == said
 
 
-PAIRS = [("holder", "standby", ["yard/rex"]), ("fenced", "holder", ["barn/rex"])]
+PAIRS = [
+    ("holder", "standby", ["yard/rex"]),
+    ("fenced", "holder", ["barn/rex"]),
+    ("", "standby", ["yard/rex"]),  # the other edge of the pair is not here
+]
 
 
 @pytest.mark.parametrize(("yard", "barn", "found"), PAIRS)

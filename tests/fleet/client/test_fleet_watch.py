@@ -142,6 +142,8 @@ def test_who_is_cut_off_sees_no_edge_go_but_those_of_this_computer(bus, watch, c
     session = Session("yard", "barn")
     view = watch(session, file=file)
     view.look()
+    clock.advance(5.0)
+    view.look()
     seen, session.is_reached, bus.sessions = clock.time(), False, ()
     clock.advance(10.0)
     assert reaches(view, clock) == {"barn": "unseen", "yard": here}

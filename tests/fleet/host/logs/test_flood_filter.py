@@ -1,7 +1,4 @@
-import logging
-
 from fleet.host.logs.flood_filter import MOST, MOST_KINDS, WINDOW, FloodFilter
-from fleet.host.logs.setup import LogSettings, start_logging
 
 
 def test_what_comes_often_is_left_out_and_its_number_is_reported_later():
@@ -24,16 +21,3 @@ def test_kinds_without_end_are_bounded():
     flood = FloodFilter()
     admitted = [flood.admit(number, 5.0) for number in range(100_000)]
     assert sum(each is not None for each in admitted) == MOST_KINDS + MOST
-
-
-def test_the_log_on_stderr_is_bounded(capsys):
-    root = logging.getLogger()
-    before = root.handlers[:], root.level
-    try:
-        start_logging(LogSettings(logging.WARNING))
-        for number in range(10_000):
-            logging.getLogger("fleet.flood").warning("bad message %d", number)
-    finally:
-        root.handlers[:], _ = before
-        root.setLevel(before[1])
-    assert len(capsys.readouterr().err.splitlines()) == MOST

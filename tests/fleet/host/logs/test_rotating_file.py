@@ -11,7 +11,6 @@ import pytest
 from fleet.host.logs import rotating_file
 from fleet.host.logs.line_format import JsonFormatter, LogLine, TextFormatter, as_text
 from fleet.host.logs.rotating_file import RotatingLogFile, log_and_flush, rotated
-from fleet.host.logs.setup import LogSettings, start_logging
 from fleet.runtime.event_loop import OWNER
 from tests.tools.waiting import wait_until
 
@@ -145,24 +144,3 @@ def test_the_last_words_of_a_process_wait_for_a_disk_that_hangs_for_a_bounded_ti
     log_and_flush(logging.getLogger("fleet.host"), "this process ends now", within=0.1)
     assert 0.1 <= time.monotonic() - began < 15.0, "the disk hangs for 20 s"
     free.set()
-
-
-def test_stderr_has_what_was_asked_for_and_the_kept_log_everything_from_info_on(root, tmp_path, capsys):
-    end = start_logging(
-        LogSettings(logging.WARNING, "json", tmp_path / "mine.log"), tmp_path / "log" / "main.jsonl"
-    )
-    logging.getLogger("fleet.x").info("quiet")
-    logging.getLogger("fleet.x").warning("loud")
-    logging.getLogger("fleet.x").debug("nothing")
-    end()
-    assert [msgspec.json.decode(each)["message"] for each in capsys.readouterr().err.splitlines()] == ["loud"]
-    for path in (tmp_path / "mine.log", tmp_path / "log" / "main.jsonl"):
-        assert [line.message for line in lines(path)] == ["quiet", "loud"]
-
-
-def test_workers_log_in_the_form_that_the_edge_was_asked_for_to_files_of_their_own(tmp_path):
-    environment = {"FLEET_LOG_FORMAT": "json", "FLEET_LOG_FILE": str(tmp_path / "fleet.log")}
-    assert LogSettings.of_a_worker("arm", environment) == LogSettings(
-        logging.INFO, "json", tmp_path / "fleet.arm.log"
-    )
-    assert LogSettings.of_a_worker("arm", {}) == LogSettings(logging.INFO, "text", None)
