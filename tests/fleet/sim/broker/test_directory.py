@@ -84,6 +84,7 @@ def test_what_is_known_of_a_topic_follows_every_change(store, join):
 
 def test_a_new_session_of_a_client_is_in_place_of_the_old_one(store, join):
     join("ann", "a")
+    assert receivers(store, "a") == {"ann": ["a"]}
     new = join("ann")
     assert (receivers(store, "a"), store.sessions) == ({}, {"ann": new})
 

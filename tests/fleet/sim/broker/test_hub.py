@@ -131,13 +131,6 @@ def test_a_second_client_of_the_same_name_takes_over():
     assert in_time(work) == (TAKEN_OVER, True, True)
 
 
-def test_clients_without_a_name_get_names_of_their_own():
-    async def work(bench):
-        return {bench.join("").session.client_id for _ in range(2)}
-
-    assert len(in_time(work)) == 2
-
-
 def test_a_client_is_sent_no_more_at_once_than_both_sides_take():
     async def work(bench):
         return [bench.join(str(most), receive_max=most).session.window for most in (3, 50)]
@@ -173,6 +166,19 @@ def test_a_client_that_wants_nothing_of_its_own_is_no_subscriber_of_it():
         return ann.publish(), bob.publish()
 
     assert in_time(work) == (False, True)
+
+
+@pytest.mark.parametrize(("handling", "times"), [(0, 2), (1, 1), (2, 0)])
+def test_what_is_retained_comes_at_each_subscription_or_the_first_or_never(handling, times):
+    async def work(bench):
+        ann = bench.join("ann")
+        ann.publish(retain=True)
+        for _ in range(2):
+            ann.subscribe(retain_handling=mqtt5.RetainHandling(handling))
+        await asyncio.sleep(0)
+        return ann.got
+
+    assert in_time(work) == [("a", b"x", True)] * times
 
 
 FAULTS = [({"drop": "a"}, []), ({"duplicate": "a"}, [b"x", b"x"]), ({"duplicate": "b", "drop": "b"}, [b"x"])]
