@@ -11,7 +11,7 @@ import hmac
 import json
 from collections.abc import Callable, Iterable, Mapping
 from collections.abc import Set as AbstractSet
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any
 
 import msgspec
@@ -116,7 +116,7 @@ def _robot(config: AdapterConfig, plugin: Plugin, given: str) -> dict[str, str]:
     fields = {**json.loads(given), **dict(config), "adapter": plugin.name, "simulated": config.simulated}
     fields[NAVIGATES] = _navigates(plugin)
     if plugin.file is not None:
-        fields["adapter file"] = str(plugin.file)
+        fields["adapter file"] = plugin.file
     fields.pop("is_simulated", None)
     return flat(fields)
 
@@ -160,7 +160,9 @@ def _plain(value: Any) -> Any:
         return dict(value)
     if isinstance(value, frozenset | set):
         return sorted(value, key=str)
-    return str(value) if isinstance(value, PurePath) or not hasattr(value, "__dict__") else repr(value)
+    if isinstance(value, Path):  # relative to where the command was started, which is no difference
+        return str(value.absolute())
+    return repr(value) if hasattr(value, "__dict__") else str(value)
 
 
 def _digest(key: bytes, value: str) -> str:

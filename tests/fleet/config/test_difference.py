@@ -4,6 +4,7 @@ import json
 from pathlib import PurePath
 from uuid import UUID
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,6 +17,7 @@ from fleet.config.difference import (
     ComparedFile,
     changed,
     difference,
+    digest_of,
     flat,
     not_shown,
     outline_of,
@@ -165,6 +167,27 @@ def test_values_of_every_kind_are_flat_text():
         "d": f'"{TWIN.format(1)}"',
         "e": '["x", "y"]',
     }
+
+
+def test_it_is_no_difference_how_the_path_of_the_file_was_written(tmp_path, monkeypatch):
+    """A unit of systemd names it from the root, a person from the folder in which they are."""
+    robot = {"name": "rex", "twin": TWIN.format(1), "adapter": "ugv", **BEAST}
+    fleet = {"edge": {"id": "yard"}, "plugins": ["plugins"], "robots": [robot]}
+    (tmp_path / "plugins").mkdir()
+    (tmp_path / "fleet.yaml").write_text(json.dumps(fleet))
+
+    def outline(file):
+        loaded = load(file)
+        ((config, plugin),) = loaded.robots
+        drop_in = msgspec.structs.replace(plugin, file=loaded.folder / "plugins" / "toy.py")
+        loaded = msgspec.structs.replace(loaded, robots=((config, drop_in),))
+        return outline_of(loaded), digest_of(loaded)
+
+    whole = outline(tmp_path / "fleet.yaml")
+    monkeypatch.chdir(tmp_path)
+    assert outline("fleet.yaml") == whole
+    monkeypatch.chdir(tmp_path.parent)
+    assert outline(f"{tmp_path.name}/fleet.yaml") == whole
 
 
 def test_the_digest_of_a_pair_leaves_out_what_belongs_to_one_computer():
