@@ -3,10 +3,8 @@
 import asyncio
 import contextlib
 import json
-import queue
 import sys
 import threading
-from types import SimpleNamespace
 
 import msgspec
 import pytest
@@ -14,7 +12,6 @@ import pytest
 from fleet.bus import keys
 from fleet.bus.bus import open_edge
 from fleet.bus.settings import BusSettings
-from fleet.cli.changes import _report_waiting
 from fleet.client import Fleet
 from fleet.host.edge import changes
 from fleet.host.process import rebuild
@@ -317,13 +314,6 @@ async def test_the_edge_serves_its_robots_between_the_changes_of_two(field, monk
     assert {change.outcome for change in (await field.apply()).values()} == {Outcome.DONE}
     assert happened == ["rex", "served", "max", "served"]
     assert threading.current_thread() not in compared_by
-
-
-def test_who_waits_for_an_edge_sees_that(monkeypatch):
-    monkeypatch.setattr("fleet.cli.changes.SOON", 0.01)
-    notes = queue.Queue()
-    with _report_waiting(SimpleNamespace(note=notes.put), "yard-1"):
-        assert notes.get(timeout=20).startswith("waiting for edge yard-1: one robot after the other")
 
 
 async def test_a_stop_that_is_set_stays_set_and_can_be_released(field):
