@@ -59,7 +59,7 @@ def test_a_ctrl_c_is_an_exit_code_and_no_traceback(monkeypatch, called, capsys):
         raise KeyboardInterrupt
 
     assert commanding(monkeypatch, "ps", does=interrupted) == INTERRUPTED
-    assert called[-1] == "Ctrl-C ends"
+    assert called == ["Ctrl-C raises", "Ctrl-C ends", "Ctrl-C ends"], "also where it came before the first"
     assert capsys.readouterr().err == ""
 
 
@@ -78,6 +78,7 @@ def test_no_link_takes_the_place_of_an_output_that_was_closed():
         "sys.argv[1:] = ['--version']\nsys.stdout = sys.stderr\nmain()\n"
         "sys.stderr.write(' '.join(os.readlink(f'/proc/self/fd/{each}') for each in (0, 1)))"
         "\nsys.stderr.write(f' {os.open(os.devnull, os.O_RDONLY) > 2}')"
+        "\nsys.stderr.write(f' {os.get_inheritable(0)}')"
     )
     said = subprocess.run([sys.executable, "-c", program], stderr=subprocess.PIPE, text=True, check=True)
-    assert said.stderr.splitlines()[-1] == f"{os.devnull} {os.devnull} True"
+    assert said.stderr.splitlines()[-1] == f"{os.devnull} {os.devnull} True True"

@@ -56,6 +56,13 @@ def test_the_edge_gets_the_options_of_the_command(supervised, arguments, passed)
     assert result.code == 7, "that of the edge"
 
 
+def test_an_edge_on_a_terminal_may_use_colours(supervised, monkeypatch):
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    _, command, _ = supervised()
+    assert "--no-color" not in command
+
+
 def test_a_worker_of_another_computer_runs_without_an_edge_and_its_notice(supervised):
     _, command, given = supervised("my.yaml", "--worker", "limbs", "--watch")
     worker = ["fleet.host.workers.worker_process", "--name", "limbs", "--config", "my.yaml"]
