@@ -124,9 +124,9 @@ def test_what_is_reported_outside_of_a_call_is_of_no_call():
         bench.every(0.1, "nothing")
         bench.robot.at("battery")
         bench.robot.report(battery())
-        return bench.robot.channels
+        return bench.calls, bench.robot.channels
 
-    assert replayed(work, {}) == {}
+    assert replayed(work) == ([("nothing", 0.0)], {})
 
 
 @pytest.mark.parametrize("known", [None, {}])
