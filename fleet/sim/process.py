@@ -24,6 +24,7 @@ class SimProcess:
         self._module = module
         self._process: asyncio.subprocess.Process | None = None
         self._requesting = asyncio.Lock()
+        self._unread = 0  # answers that are to come, also to requests whose sender was cancelled
 
     async def __aenter__(self) -> Self:
         """Start the subprocess; raises LinkRefused if that is impossible."""
@@ -91,12 +92,18 @@ class SimProcess:
         async with self._requesting:
             if process.stdin.is_closing():
                 raise LinkLost(f"the simulator ended with status {await process.wait()}")
+            answer = b""
             try:
                 process.stdin.write(msgspec.json.encode(line) + b"\n")
+                self._unread += 1
                 await process.stdin.drain()
                 async with asyncio.timeout(_START):
-                    answer = await process.stdout.readline()
-            except (OSError, TimeoutError) as error:
+                    while self._unread:
+                        answer = await process.stdout.readline()
+                        self._unread -= 1
+            except TimeoutError as error:
+                raise LinkLost(f"the simulator does not answer within {_START:g} s") from error
+            except OSError as error:
                 raise LinkLost(f"the simulator does not answer: {error}") from error
         if not answer:
             raise LinkLost(f"the simulator ended with status {await process.wait()}")
