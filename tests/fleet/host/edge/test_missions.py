@@ -45,7 +45,7 @@ class Bus:
 
 def config_of(name, **fields):
     number = sum(name.encode())
-    accepts = {"command": ["tele"], "mission": ["tele"]}
+    accepts = {"command": ["tele"], "mission": ["tele", "edit"], "navigate": ["tele"]}
     return WalkerConfig(name=name, twin=f"6f0c9a1e-0000-4000-8000-{number:012}", accepts=accepts, **fields)
 
 
@@ -173,9 +173,11 @@ async def test_a_program_on_the_bus_may_tell_an_event_of_a_robot(build, monkeypa
 async def test_only_who_may_command_a_robot_may_start_a_mission_with_it(build):
     edge = build(partners=PARTNERS)
     assert edge.refusal("rex") is None
-    assert edge.refusal("rex", commands=False) is None
-    assert "accepts" in edge.refusal("rex", Origin(Transport.BUS, "edit", "vic"))
-    assert edge.refusal("tom", Origin(Transport.BUS, "edit", "vic")) is None, "its own edge judges"
+    edit = Origin(Transport.BUS, "edit", "vic")
+    assert edge.refusal("rex", edit, commands=False) is None
+    assert "accepts" in edge.refusal("rex", edit)
+    assert "accepts" in edge.refusal("rex", edit, commands=False, navigates=True)
+    assert edge.refusal("tom", edit) is None, "its own edge judges"
     assert edge.refusal("nobody") == "nobody is no robot of this edge"
 
 
@@ -217,8 +219,9 @@ async def test_changed_places_are_those_of_the_next_run_and_wait_for_the_end_of_
     site = edge.missions.runs.site
     edge.configure(places={"gate": {"at": [1.0, 2.0]}})
     assert edge.missions.runs.site is site, "nothing changed"
-    edge.configure(places={"gate": {"at": [5.0, 2.0]}})
+    edge.configure(places={"gate": {"at": [5.0, 2.0]}, "dock": {"at": [0.0, 0.0], "capacity": 1}})
     assert edge.missions.runs.site.places["gate"].at == (5.0, 2.0)
+    assert not edge.missions.runs.places.is_full("dock"), "it can be occupied"
     assert [edge.missions.blocker(section) for section in ("places", "missions")] == ["", ""]
     edge.missions.runs.all = lambda: [SimpleNamespace(id="r1"), SimpleNamespace(id="r2")]
     assert edge.missions.blocker("places") == "run r1, r2 goes by the places: wait for its end"
