@@ -11,6 +11,7 @@ from fleet.errors import CloudError
 from fleet.host.edge.bridge_to_cloud import bridge_of
 from fleet.robot_config import AdapterConfig
 from fleet.testing.clock import ManualClock
+from fleet.wire.rules import WORKFLOW_RUN
 
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
 OTHER = "6f0c9a1e-0000-4000-8000-000000000002"
@@ -42,7 +43,9 @@ class Built:
 
     def receive(self, channel, message):
         """Let a message on a channel of the twin arrive."""
-        topic = f"cyberwave/twin/{TWIN}/{channel}"
+        self.take(f"cyberwave/twin/{TWIN}/{channel}", message)
+
+    def take(self, topic, message):
         self.bridge.downlink.arrived([CloudMessage(topic, json.dumps(message).encode())])
         self.bridge.downlink.take()
 
@@ -96,6 +99,14 @@ def test_an_edge_without_a_pair_gives_way_to_any_edge(build):
     built = build()
     built.beat("barn")
     assert built.claims == [(TWIN, "barn")]
+
+
+def test_the_requests_to_the_edge_itself_go_to_their_handlers(build):
+    flow, taken = "00000000-0000-4000-8000-000000000009", []
+    cloud = CLOUD | {"workflows": {flow: {"mission": "patrol"}}}
+    handlers = {WORKFLOW_RUN: lambda topic, message: taken.append((topic.twin, message.payload))}
+    build(cloud=cloud, handlers=handlers).take(f"cyberwave/workflow/{flow}/run", {"x": 1})
+    assert taken == [(flow, b'{"x": 1}')]
 
 
 def test_durable_messages_wait_in_the_folder_of_the_edge(build, tmp_path):
