@@ -138,12 +138,12 @@ async def test_a_half_open_client_is_forgotten_alone_and_hears_nothing(connect):
 async def test_a_client_that_falls_silent_is_disconnected_by_the_clock(connect, monkeypatch):
     monkeypatch.setattr(server, "_TICK", 0.001)
     clock = ManualClock()
-    async with Broker(clock=clock, limits=ClientLimits(connect_timeout=5.0)) as broker:
-        silent, ann = await connect(broker, None), await connect(broker, "ann", keep_alive=10)
-        clock.advance(6.0)
+    async with Broker(clock=clock, limits=ClientLimits(connect_timeout=500.0)) as broker:
+        silent, ann = await connect(broker, None), await connect(broker, "ann", keep_alive=1000)
+        clock.advance(600.0)
         assert await silent.rest() == b""
         assert broker.clients == ["ann"]
-        clock.advance(10.0)
+        clock.advance(1000.0)
         assert await ann.rest() == goodbye(Reason.KEEP_ALIVE_TIMEOUT)
 
 
