@@ -192,8 +192,10 @@ def test_one_that_has_ended_is_lost_with_its_status(monkeypatch, how):
         why = "does not answer: Broken pipe" if process.broken else "ended with status -11"
         with pytest.raises(LinkLost, match=f"the simulator {why}"):
             await simulator.request({})
+        return process.lines
 
-    simulated(work, monkeypatch, answers=[b""])
+    lines = simulated(work, monkeypatch, answers=[b""])[0]
+    assert lines == [] if how == "its input is closed" else lines == [{}]
 
 
 def test_who_waits_for_its_end_hears_of_it(monkeypatch):

@@ -37,8 +37,8 @@ class Peer:
     def subscribe(self, pattern="#", **options):
         self.hub.subscribe(self.session, BrokerSubscription(mqtt5.TopicFilter(pattern, **options)))
 
-    def publish(self, topic="a", payload=b"x", **fields):
-        return self.hub.publish(mqtt5.PublishPacket(topic, payload, **fields), self.session)
+    def publish(self, payload=b"x", **fields):
+        return self.hub.publish(mqtt5.PublishPacket("a", payload, **fields), self.session)
 
 
 class Bench:
@@ -71,18 +71,17 @@ def in_time(work, **options):
         return runner.run(whole())
 
 
-@pytest.mark.parametrize(
-    ("options", "connect", "refusal"),
-    [
-        ({}, {}, None),
-        ({"refuse": 0x87}, {}, Refusal.NOT_AUTHORIZED),
-        ({}, {"authentication_method": "SCRAM"}, Refusal.BAD_AUTHENTICATION_METHOD),
-        ({"check": lambda name, _: name == "ann"}, {"username": "ann"}, None),
-        ({"check": lambda name, _: name == "ann"}, {"username": "eve"}, Refusal.BAD_USER_NAME_OR_PASSWORD),
-        ({"check": lambda _, password: password == b"p"}, {}, Refusal.BAD_USER_NAME_OR_PASSWORD),
-        ({"limits": {"sessions": 0}}, {}, Refusal.QUOTA_EXCEEDED),
-    ],
-)
+REFUSALS = [
+    ({"refuse": 0x87}, {}, Refusal.NOT_AUTHORIZED),
+    ({}, {"authentication_method": "SCRAM"}, Refusal.BAD_AUTHENTICATION_METHOD),
+    ({"check": lambda name, _: name == "ann"}, {"username": "ann"}, None),
+    ({"check": lambda name, _: name == "ann"}, {"username": "eve"}, Refusal.BAD_USER_NAME_OR_PASSWORD),
+    ({"check": lambda _, password: password == b"p"}, {}, Refusal.BAD_USER_NAME_OR_PASSWORD),
+    ({"limits": {"sessions": 0}}, {}, Refusal.QUOTA_EXCEEDED),
+]
+
+
+@pytest.mark.parametrize(("options", "connect", "refusal"), REFUSALS)
 def test_a_client_is_refused_with_the_reason(options, connect, refusal):
     async def work(bench):
         return bench.refusal(**connect)
@@ -100,16 +99,16 @@ def test_a_full_broker_admits_those_it_knows_and_others_when_a_session_has_ended
     assert in_time(work, limits={"sessions": 1}) == [None, Refusal.QUOTA_EXCEEDED, None]
 
 
-@pytest.mark.parametrize(
-    ("expiry", "away", "clean", "present"),
-    [
-        (5, 4.9, False, True),
-        (5, 5.0, False, False),
-        (0, 0.0, False, False),
-        (NEVER, 1e5, False, True),
-        (5, 1.0, True, False),
-    ],
-)
+LASTING = [
+    (5, 4.9, False, True),
+    (5, 5.0, False, False),
+    (0, 0.0, False, False),
+    (NEVER, 1e5, False, True),
+    (5, 1.0, True, False),
+]
+
+
+@pytest.mark.parametrize(("expiry", "away", "clean", "present"), LASTING)
 def test_a_session_lasts_as_long_as_it_was_asked_for(expiry, away, clean, present):
     async def work(bench):
         first = bench.join("ann", expiry=expiry)
@@ -124,8 +123,7 @@ def test_a_session_lasts_as_long_as_it_was_asked_for(expiry, away, clean, presen
 
 def test_a_second_client_of_the_same_name_takes_over():
     async def work(bench):
-        first = bench.join("ann", expiry=5)
-        second = bench.join("ann", expiry=5)
+        first, second = bench.join("ann", expiry=5), bench.join("ann", expiry=5)
         return first.why, second.present, bench.hub.peers == {"ann": second}
 
     assert in_time(work) == (TAKEN_OVER, True, True)
@@ -140,30 +138,26 @@ def test_a_client_is_sent_no_more_at_once_than_both_sides_take():
 
 def test_messages_of_one_turn_are_written_together():
     async def work(bench):
-        ann = bench.join("ann")
-        ann.subscribe()
-        for payload in (b"1", b"2"):
-            assert ann.publish(payload=payload)
-        before = ann.writes
+        (ann := bench.join("ann")).subscribe()
+        assert [ann.publish(b"1"), ann.publish(b"2"), ann.writes] == [True, True, 0]
         await asyncio.sleep(0)
-        return before, ann.writes, [payload for _, payload, _ in ann.got]
+        return ann.writes, [payload for _, payload, _ in ann.got]
 
-    assert in_time(work) == (0, 1, [b"1", b"2"])
+    assert in_time(work) == (1, [b"1", b"2"])
 
 
-@pytest.mark.parametrize(("tells", "heard"), [(True, False), (False, True)])
-def test_a_message_without_a_subscriber_is_told_where_that_is_wanted(tells, heard):
+@pytest.mark.parametrize("tells", [True, False])
+def test_a_message_without_a_subscriber_is_told_where_that_is_wanted(tells):
     async def work(bench):
         return bench.join("ann").publish()
 
-    assert in_time(work, tells_unheard=tells) is heard
+    assert in_time(work, tells_unheard=tells) is not tells
 
 
 def test_a_client_that_wants_nothing_of_its_own_is_no_subscriber_of_it():
     async def work(bench):
-        ann, bob = bench.join("ann"), bench.join("bob")
-        ann.subscribe(no_local=True)
-        return ann.publish(), bob.publish()
+        (ann := bench.join("ann")).subscribe(no_local=True)
+        return ann.publish(), bench.join("bob").publish()
 
     assert in_time(work) == (False, True)
 
@@ -191,7 +185,7 @@ def test_faults_apply_to_the_topics_that_they_name(faults, got):
     async def work(bench):
         ann = bench.join("ann")
         ann.subscribe()
-        assert ann.publish("a")
+        assert ann.publish()
         await asyncio.sleep(0)
         return [payload for _, payload, _ in ann.got]
 
@@ -205,11 +199,11 @@ def test_what_is_delayed_goes_to_those_who_subscribed_in_time():
         ann.publish()
         bob.subscribe()
         await asyncio.sleep(1.9)
-        early = list(ann.got)
+        early = len(ann.got)
         await asyncio.sleep(0.2)
-        return early, len(ann.got), bob.got
+        return early, len(ann.got), len(bob.got)
 
-    assert in_time(work, delay=2.0) == ([], 1, [])
+    assert in_time(work, delay=2.0) == (0, 1, 0)
 
 
 @pytest.mark.parametrize("reads", [True, False])
@@ -242,16 +236,13 @@ def test_a_will_waits_for_its_delay_or_the_end_of_the_session_whichever_is_first
     assert in_time(work) == ([("a", b"gone", True)], pytest.approx(after))
 
 
-@pytest.mark.parametrize("end", ["comes back", "the broker ends"])
+@pytest.mark.parametrize("end", [lambda bench: bench.join("ann", expiry=10), lambda bench: bench.hub.close()])
 def test_a_delayed_will_is_not_published_when_there_is_no_more_reason(end):
     async def work(bench):
         watcher, ann = bench.join("watcher"), bench.join("ann", expiry=10)
         watcher.subscribe()
         bench.hub.leave(ann.session, WILL)
-        if end == "comes back":
-            bench.join("ann", expiry=10)
-        else:
-            bench.hub.close()
+        end(bench)
         await asyncio.sleep(20.0)
         return watcher.got
 
