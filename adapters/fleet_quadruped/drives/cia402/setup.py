@@ -69,12 +69,19 @@ def mode_objects(cycle_hz: int) -> list[Object]:
 
 
 def _period(cycle_hz: int) -> tuple[int, int]:
-    """Return the cycle time as (number, power of ten of a second), the number in a byte."""
+    """Return the cycle time as (number, power of ten of a second), the number in a byte.
+
+    Where no number is exact, it is the nearest one of the finest unit that fits.
+    """
+    found = (1, -3)
     for exponent in (-3, -4, -5, -6):
         number = 10**-exponent / cycle_hz
-        if abs(number - round(number)) < 1e-9 and round(number) <= 255:
-            return round(number), exponent
-    return max(1, min(255, round(10_000 / cycle_hz))), -4
+        if round(number) > 255:
+            break
+        found = (round(number), exponent)
+        if abs(number - round(number)) < 1e-9:
+            break
+    return found
 
 
 def mapping_objects(drive: Drive, node: int, missing: Collection[int] = ()) -> list[Object]:

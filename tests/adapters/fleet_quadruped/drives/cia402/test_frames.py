@@ -3,13 +3,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet_quadruped.drives.cia402 import frames as wire
-from fleet_quadruped.drives.cia402.setup import (
-    ERROR_BEHAVIOUR,
-    all_objects,
-    final_values,
-    mapping_objects,
-    mode_objects,
-)
 from fleet_quadruped.robot.description import EXAMPLE, load_description
 
 DOG = load_description(EXAMPLE)
@@ -82,31 +75,6 @@ def test_angles_and_torques_come_back_from_the_drives_units(joint, value):
     word, angle, torque = units.unpack(data)
     assert (word, angle) == (0x0F, pytest.approx(value, abs=1e-4))
     assert torque == pytest.approx(value, abs=5e-3)
-
-
-@pytest.mark.parametrize(("rate", "period"), [(100, (10, 0xFD)), (200, (5, 0xFD)), (400, (25, 0xFC))])
-def test_the_drive_interpolates_over_one_cycle(rate, period):
-    assert tuple(item.value for item in mode_objects(rate)[:2]) == period
-
-
-def test_a_mapping_is_off_and_empty_while_it_changes():
-    names = [(item.name, item.value) for item in mapping_objects(DOG.drive, 5)[:7]]
-    assert names[0] == ("1400h:1", 0x80000205)
-    assert names[2:] == [
-        ("1600h:0", 0),
-        ("1600h:1", 0x60400010),
-        ("1600h:2", 0x607A0020),
-        ("1600h:3", 0x60B20010),
-        ("1600h:0", 3),
-    ]
-
-
-def test_what_is_read_back_is_what_was_written_last():
-    finals = {item.name: item.value for item in final_values(all_objects(DOG.drive, 5))}
-    assert finals["1400h:1"] == 0x205
-    assert finals["1016h:1"] == 0x7F << 16 | 100
-    assert (finals["6007h:0"], finals["605Ah:0"], finals["1029h:1"]) == (3, 6, 1)
-    assert "1029h:1" not in {item.name for item in all_objects(DOG.drive, 5, {ERROR_BEHAVIOUR})}
 
 
 def test_a_drive_without_torque_objects_has_short_frames():
