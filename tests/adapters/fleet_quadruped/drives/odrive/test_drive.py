@@ -18,17 +18,6 @@ def odrives(dogs):
     return dogs["odrive"]
 
 
-def test_the_watchdog_is_set_and_read_back(odrives):
-    rig = Rig(odrives)
-    assert [drive.watchdog for drive in rig.sim.drives] == pytest.approx([odrives.drive.timeout] * 12)
-
-
-def test_without_endpoints_a_person_is_asked_to_set_the_watchdog(odrives, caplog):
-    drive = odrives.drive.model_copy(update={"endpoints": None})
-    Rig(odrives.model_copy(update={"drive": drive}))
-    assert "axis0.config.enable_watchdog" in caplog.text
-
-
 def test_a_dog_that_is_damped_is_fed_until_it_lies(odrives):
     rig = Rig(odrives)
     rig.stand()
