@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple, Self
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
 from fleet import CanFrame
 from fleet_quadruped.drives.cia402.frames import HEARTBEAT, MASTER, OPERATIONAL, SDO_REQUEST, SYNC
@@ -50,6 +50,14 @@ class ObjectSetting(Section):
     sub: int = Field(0, ge=0, le=255, description="Subindex of the object.")
     type: Literal["u8", "u16", "u32"] = Field(description="Data type.")
     value: int = Field(ge=0, le=0xFFFFFFFF, description="Value to write.")
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        """Return the setting; raises ValueError for a value beyond its type."""
+        most = (1 << 8 * _SIZES[self.type]) - 1
+        if self.value > most:
+            raise ValueError(f"{self.value} does not fit into {self.type}, 0 to {most}")
+        return self
 
     def object(self, what: str) -> Object:
         """Return the object to be written."""

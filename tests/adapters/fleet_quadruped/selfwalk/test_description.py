@@ -1,7 +1,6 @@
 import pytest
 
 from fleet.errors import ConfigError
-from fleet.link.canbus.frame import CanFrame
 from fleet_quadruped.any_description import load_body
 from fleet_quadruped.robot.description import EXAMPLE
 from fleet_quadruped.safety.stages import BodyMode
@@ -54,25 +53,3 @@ def test_what_cannot_be_walked_with_is_refused(write, example, old, new, expecte
 
 def test_a_bare_off_of_yaml_is_the_mode_off(write):
     assert load_body(write(OWN, '0: "off"', "0: off")).modes[0] is BodyMode.OFF
-
-
-def test_objects_become_pdos_in_their_order():
-    wire = load_body(CANOPEN).wire
-    (velocity,) = wire.velocity
-    assert velocity.id == 0x209
-    assert [(name, field.at) for name, field in velocity.fields.items()] == [("x", 0), ("y", 2), ("turn", 4)]
-    assert [frame.id for frame in wire.state] == [0x189, 0x289, 0x389]
-    assert [frame.id for frame in wire.slow] == [0x489]
-    mapped = [item.value for item in wire.setup if item.place == 0x1600 and item.sub > 0]
-    assert mapped == [0x2100_0110, 0x2100_0210, 0x2100_0310]
-
-
-def test_a_command_is_one_object_that_is_written():
-    wire = load_body(CANOPEN).wire
-    assert wire.commands["sit_down"] == CanFrame(0x609, bytes.fromhex("2f00220002000000"))
-    assert wire.height(0.25) == CanFrame(0x609, bytes.fromhex("2b022200fa000000"))
-
-
-def test_its_silence_is_written_into_its_heartbeat_consumer():
-    watchdog = load_body(CANOPEN).wire.setup[0]
-    assert (watchdog.name, watchdog.value) == ("1016h:1", 0x7F << 16 | 300)
