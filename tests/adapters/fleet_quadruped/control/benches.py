@@ -38,6 +38,9 @@ class GivenDrives:
     def begin_cycle(self, now):
         self.calls.append("begin")
 
+    def configure(self):
+        self.calls.append("configure")
+
     def complete(self):
         return True
 

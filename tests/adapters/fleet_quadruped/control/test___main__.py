@@ -11,7 +11,7 @@ from fleet import CanFrame, LinkLost
 from fleet.testing.clock import ManualClock
 from fleet_quadruped.control import __main__ as module
 from fleet_quadruped.control.controller import Controller
-from fleet_quadruped.control.exchange import new_memory
+from fleet_quadruped.control.exchange import SharedValue, new_memory
 from fleet_quadruped.control.orders import DogState, Order
 from fleet_quadruped.control.plan import ControlPlan
 from fleet_quadruped.robot.description import EXAMPLE
@@ -111,11 +111,11 @@ def test_it_leaves_signals_of_a_terminal_to_its_parent(process, mit):
 
 def test_orders_and_states_go_through_the_memory_of_the_plan(process, mit):
     process.run(body=mit)
-    other = module.Memory(SimpleNamespace(order=process.memory[0], state=process.memory[1]))
-    other._orders.put(Order(x=0.3))
+    orders, states = SharedValue(process.memory[0], Order), SharedValue(process.memory[1], DogState)
+    orders.put(Order(x=0.3))
     assert process.loop.exchange.order().x == 0.3
     process.loop.exchange.put(DogState(mode="standing"))
-    assert other._states.get().mode == "standing"
+    assert states.get().mode == "standing"
 
 
 def test_the_faults_of_the_plan_are_those_of_the_machine(process, mit):
