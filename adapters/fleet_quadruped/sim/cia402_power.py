@@ -27,9 +27,13 @@ _STEPS: Mapping[tuple[DriveState, int], DriveState] = MappingProxyType(
         (DriveState.SWITCHED_ON, 0x0F): DriveState.ENABLED,
         (DriveState.SWITCHED_ON, 0x06): DriveState.READY,
         (DriveState.ENABLED, 0x06): DriveState.READY,
+        (DriveState.READY, 0x02): DriveState.SWITCH_ON_DISABLED,
+        (DriveState.SWITCHED_ON, 0x02): DriveState.SWITCH_ON_DISABLED,
     }
 )
 """(state, low four bits of the control word) to the next state; bit 1 clear: voltage off; see _ACTS."""
+_POWERED = frozenset({DriveState.ENABLED, DriveState.QUICK_STOP, DriveState.FAULT_REACTION})
+"""States in which the motor has torque."""
 _CONNECTION_LOST = (0x6007, 0)
 
 
@@ -58,7 +62,10 @@ class PowerStage:
         self._stays = True
 
     def fail(self) -> None:
-        """React to a fault according to 605Eh."""
+        """React to a fault according to 605Eh; without torque before it, there is none in it."""
+        if self.state not in _POWERED:
+            self.state = DriveState.FAULT
+            return
         self._stop(DriveState.FAULT_REACTION, FAULTS[self._objects[FAULT_OPTION].value], DriveState.FAULT)
 
     def handle_control_word(self, control: int) -> bool:
