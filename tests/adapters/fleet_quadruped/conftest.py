@@ -8,6 +8,8 @@ from fleet.testing.robot import RecordingRobot, serve
 from fleet_quadruped import QuadrupedAdapter, QuadrupedConfig
 from fleet_quadruped.drives.cia402.states import DriveState
 from fleet_quadruped.robot.description import EXAMPLE, DogDescription, load_description
+from fleet_quadruped.robot.joint import Joint
+from fleet_quadruped.robot.parts import Actuator
 from fleet_quadruped.sim.rig import Rig
 
 PROTOCOLS = ("cia402", "mit", "odrive", "moteus")
@@ -94,6 +96,17 @@ def write_dog(tmp_path):
         return path
 
     return write
+
+
+def make_joint(name="FL_knee", *, bus="a", number=3, sign=1, offset=0.0, **kind):
+    """Return a joint whose torque is 24 N m, with the rest of its kind as given."""
+    basics = {"limits": (-2.0, 2.0), "velocity": 20.0, "torque": 24.0, "kp": 60.0, "kd": 2.0}
+    return Joint(name, bus, number, sign, offset, -2.0, 2.0, Actuator(**basics | kind))
+
+
+@pytest.fixture
+def joint_of():
+    return make_joint
 
 
 TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"

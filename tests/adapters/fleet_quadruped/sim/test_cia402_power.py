@@ -102,7 +102,19 @@ def test_a_fault_brakes_with_torque_and_ends_without():
     bench.stage.fail()
     assert bench.has_torque
     bench.go()
+    assert bench.motor.kp == 0
     assert not bench.has_torque
+
+
+def test_a_quick_stop_without_a_ramp_lets_go_at_once():
+    assert Bench(speed=1.0, quick=0).tell(0x02).stage.state is DISABLED
+
+
+def test_a_word_that_is_repeated_does_not_begin_its_stop_anew():
+    bench = Bench(speed=1.0)
+    for _ in range(60):
+        bench.tell(0x07).go(DT)
+    assert bench.stage.state is SWITCHED_ON
 
 
 @pytest.mark.parametrize("state", [DISABLED, READY, SWITCHED_ON])
@@ -141,6 +153,9 @@ def test_a_lazy_drive_ignores_its_first_commands_to_enable_it():
     bench.stage.dozing = 2
     assert [bench.stage.handle_control_word(0x0F) for _ in range(3)] == [False, False, True]
     assert bench.stage.state is ENABLED
+    other = Bench(SWITCHED_ON)
+    other.stage.dozing = 2
+    assert other.tell(0x06).stage.state is READY
 
 
 def test_a_repeated_word_is_taken_and_changes_nothing():
