@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 from fleet_ugv.codecs.arduino import PID_RATE
 from fleet_ugv.sim.board import SimBoard
 from fleet_ugv.sim.physics import BaseBody
 
+_DIGITS = re.compile(r"[+-]?[0-9]+")
 LONGEST = 32  # bytes of a word that the sketch can buffer
 
 
@@ -33,23 +36,24 @@ class ArduinoBoard(SimBoard):
     def _answer(self, word: bytes, now: float) -> bytes:
         """Carry out one word."""
         kind, *numbers = word.decode("ascii", "replace").split() or [""]
-        values = [_whole(number) for number in numbers]
-        match kind, values:
-            case "e", _:
+        values = [_whole(number) for number in (*numbers, "", "")]  # an argument that is missing is 0
+        match kind:
+            case "e":
                 left, right = (int(distance * self._ticks) for distance in self.physics.distances)
                 return b"%d %d\r\n" % (left, right)
-            case "m", [left, right, *_]:
+            case "m":
+                left, right = values[:2]
                 speed = PID_RATE / self._ticks
                 self.hold(left * speed, right * speed, now)
-            case "r", _:
+            case "r":
                 self.physics.distances = [0.0, 0.0]
-            case "s", [servo, angle, *_]:
-                self.servos[servo] = angle
-            case "b", _:
+            case "s":
+                self.servos[values[0]] = values[1]
+            case "b":
                 return b"57600\r\n"
-            case "u", _:
+            case "u":
                 pass
-            case "", _:
+            case "":
                 return b""
             case _:
                 return b"Invalid Command\r\n"
@@ -61,8 +65,6 @@ class ArduinoBoard(SimBoard):
 
 
 def _whole(text: str) -> int:
-    """Parse a number like C's atoi: 0 for invalid text."""
-    try:
-        return int(text)
-    except ValueError:
-        return 0
+    """Parse a number like C's atoi: the digits that it begins with, 0 without any."""
+    found = _DIGITS.match(text)
+    return int(found[0]) if found else 0
