@@ -73,11 +73,11 @@ class WaveshareBoard(SimBoard):
             return b""
         echo = line + b"\n" if self._echoes and "no_confirm" not in self.faults else b""
         try:
-            kind = int(said.get("T", 0))
+            kind = int(_number(said, "T"))
             if kind == 130:
                 return echo + self._feedback()
             self._do(kind, said, now)
-        except (TypeError, ValueError, OverflowError):
+        except (ValueError, OverflowError):  # NaN, infinity
             return echo
         return echo
 
@@ -87,22 +87,23 @@ class WaveshareBoard(SimBoard):
             case 0 if not self._general:
                 self.physics.wanted = [0.0, 0.0]
             case 1:
-                self._sent_at = now
-                left, right = float(said["L"]), float(said["R"])
+                self._commanded_at = now
+                left, right = _number(said, "L"), _number(said, "R")
                 if max(abs(left), abs(right)) <= 2.0:
                     self.hold(left, right, now)
             case 13:
-                turn = float(said["Z"]) * self.physics.body.track / 2
-                self._sent_at = now if self._general else self._sent_at
-                self.physics.wanted = [float(said["X"]) - turn, float(said["X"]) + turn]
+                ahead, turn = _number(said, "X"), _number(said, "Z") * self.physics.body.track / 2
+                self._commanded_at = now if self._general else self._commanded_at
+                self.physics.wanted = [ahead - turn, ahead + turn]
             case 3:
-                self.display[int(said["lineNum"])] = str(said["Text"])
+                self.display[int(_number(said, "lineNum"))] = str(said.get("Text", ""))
             case -3:
                 self.display.clear()
             case 132:
-                self.lamps = (int(said["IO4"]), int(said["IO5"]))
+                self.lamps = (int(_number(said, "IO4")), int(_number(said, "IO5")))
             case 134:
-                self._mount.send(float(said["X"]), float(said["Y"]), float(said["SX"]), float(said["SY"]))
+                pan, tilt, pan_steps, tilt_steps = (_number(said, name) for name in ("X", "Y", "SX", "SY"))
+                self._mount.send(pan, tilt, pan_steps, tilt_steps)
             case 135:
                 self._mount.stop()
             case _:
@@ -112,14 +113,14 @@ class WaveshareBoard(SimBoard):
         """Apply a setting."""
         match kind:
             case 131:
-                self._streams = bool(said["cmd"])
+                self._streams = bool(_number(said, "cmd"))
             case 136:
                 if "no_confirm" not in self.faults:
-                    self.timeout = float(said["cmd"]) / 1000
+                    self.timeout = _number(said, "cmd") / 1000
             case 143:
-                self._echoes = bool(said["cmd"])
+                self._echoes = bool(_number(said, "cmd"))
             case 900:
-                self._module = int(said["module"])
+                self._module = int(_number(said, "module"))
             case _:
                 pass
 
@@ -166,3 +167,12 @@ class WaveshareBoard(SimBoard):
         if self._module == 2:
             said |= {"pan": round(self.camera[0], 2), "tilt": round(self.camera[1], 2)}
         return said
+
+
+def _number(said: dict[str, Any], name: str) -> float:
+    """Return a member as ArduinoJson converts it: 0 if it is missing, or is no number."""
+    value = said.get(name)
+    try:
+        return float(value) if isinstance(value, int | float | str) else 0.0
+    except ValueError:
+        return 0.0
