@@ -6,7 +6,7 @@ import math
 import pytest
 
 from fleet_ugv.sim.physics import BaseBody
-from fleet_ugv.sim.waveshare import BOOT, LARGEST, WaveshareBoard
+from fleet_ugv.sim.waveshare import BOOT, WaveshareBoard
 
 BODY = BaseBody(track=0.2, lag=0.0, sticks=0.0, fastest=2.0, bias=0.0, noise=0.0)
 START = 1.0  # s: it has booted
@@ -212,7 +212,7 @@ def test_t_13_feeds_the_dead_man_of_the_general_firmware_alone(ros, general):
 
 
 def test_a_line_that_is_too_long_is_lost_and_the_next_is_whole(ros):
-    long = b'{"T":1,"L":0.2,"R":0.2,"x":"' + b"y" * LARGEST + b'"}\n'
+    long = b'{"T":1,"L":0.2,"R":0.2,"x":"' + b"y" * 240 + b'"}\n'
     ros.board.receive(long + b'{"T":1,"L":0.3,"R":0.3}\n', START)
     assert ros.wanted == [0.3, 0.3]
 
