@@ -212,9 +212,9 @@ def test_t_13_feeds_the_dead_man_of_the_general_firmware_alone(ros, general):
 
 
 def test_a_line_that_is_too_long_is_lost_and_the_next_is_whole(ros):
-    long = b'{"T":1,"L":0.2,"R":0.2,"x":"' + b"y" * 240 + b'"}\n'
+    long = b'{"T":3,"lineNum":0,"Text":"' + b"y" * 240 + b'"}\n'
     ros.board.receive(long + b'{"T":1,"L":0.3,"R":0.3}\n', START)
-    assert ros.wanted == [0.3, 0.3]
+    assert (ros.wanted, ros.board.display) == ([0.3, 0.3], {})
 
 
 def test_a_reset_forgets_all_that_it_was_told(ros):
