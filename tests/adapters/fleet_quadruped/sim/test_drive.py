@@ -38,6 +38,7 @@ def test_a_stuck_encoder_says_the_same_for_ever_and_its_error_grows(motor):
     encoder.shift(0.5)
     encoder.stick()
     motor.angle = 0.2
+    assert encoder.angle == 1.0
     encoder.follow()
     assert (encoder.angle, encoder.off) == (1.0, pytest.approx(0.8))
     motor.angle = 0.0
