@@ -76,8 +76,8 @@ def _serve(sim: SimulatedMachine, buses: Mapping[str, OpenCanBus], clock: Clock,
                 sim.take(name, frame)
         behind = clock.monotonic() - began_at - sim.time
         if behind > _LATEST:
-            began_at += behind
             log.warning("the simulated dog is %.2f s late and lets them go", behind)
+            began_at, behind = began_at + behind, 0.0
         while behind >= _STEP:
             due = sim.time + _STEP - sensed >= sense_every - 1e-9
             sim.advance(_STEP, sense=due)
