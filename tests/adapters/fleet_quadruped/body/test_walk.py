@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fleet import Quaternion, Vector3
@@ -124,6 +124,7 @@ def test_changes_of_height_add_up_before_they_are_reached():
     assert walker.wanted_height == pytest.approx(HEIGHT - 0.05)
 
 
+@settings(max_examples=25)
 @given(st.lists(st.floats(allow_nan=False, allow_infinity=False), max_size=5))
 def test_no_change_leads_beyond_the_heights_of_the_gait(changes):
     walker = Walker(DOG)

@@ -136,8 +136,9 @@ def test_a_short_delay_is_made_up_for(run, caplog):
 
 
 def test_its_faults_have_begun_when_it_is_ready(run):
-    run.main(*BUS, "--world", "kinematic", "--faults", "mute:8,loss:0.5")
+    run.main(*BUS, "--world", "kinematic", "--faults", "mute:8,loss:0.5,jump:3")
     assert run.machine.drives[7].hears == {}
+    assert run.machine.drives[2].encoder.off == 0.5
     assert run.machine._wires.faults == {"loss": 0.5}
 
 

@@ -144,14 +144,17 @@ def test_on_a_slow_wire_frames_are_late_in_both_directions(bench):
     assert [frame.id - TPDO1 for frame in bench.heard] == list(range(1, 13))
 
 
-def test_a_frame_of_another_bus_reaches_nobody(dog):
+def test_a_frame_reaches_the_drives_of_its_bus_alone(dog):
     tree = dog.model_dump(by_alias=True)
     tree["buses"]["b"] = {"bitrate": 1_000_000}
+    tree["joints"]["FL_abad"]["bus"] = "b"
     two = type(dog).model_validate(tree)
     heard = {"a": [], "b": []}
     sim = SimDog(two, KinematicWorld(two), {bus: frames.append for bus, frames in heard.items()})
-    for number in range(1, 13):
-        sim.take("a", CanFrame(0x000, bytes([1, number])))
-    heard["a"].clear()
+    for bus, number in (("a", 0), ("b", 0)):
+        sim.take(bus, CanFrame(0x000, bytes([1, number])))
+        heard[bus].clear()
     sim.take("b", CanFrame(SYNC, b""))
-    assert heard == {"a": [], "b": []}
+    assert ([frame.id for frame in heard["b"]], heard["a"]) == ([TPDO1 + 1], [])
+    sim.take("a", CanFrame(SYNC, b""))
+    assert (len(heard["a"]), len(heard["b"])) == (11, 1)

@@ -86,8 +86,9 @@ def test_an_answer_to_another_thread_ends_a_wait(bus):
     assert received == [[FRAME]]
 
 
-def test_a_frame_that_is_there_already_is_not_waited_for(bus):
+def test_a_frame_that_is_there_already_is_not_waited_for(bus, monkeypatch):
     bus.arrive(FRAME)
+    monkeypatch.setattr(threading.Event, "wait", lambda event, seconds: pytest.fail("it waits"))
     assert bus.receive(30.0) == [FRAME]
 
 

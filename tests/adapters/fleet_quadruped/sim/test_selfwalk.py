@@ -28,8 +28,11 @@ def test_one_that_lies_has_nothing_to_sit_down_or_to_stop(bench, command):
     assert bench.command(command).mode is BodyMode.OFF
 
 
-def test_an_emergency_stop_lowers_it_whatever_it_does(bench):
-    assert bench.command("stand_up").command("emergency_stop").mode is BodyMode.DAMPED
+@pytest.mark.parametrize("before", [["stand_up"], ["stand_up", "sit_down"], ["recovery_stand"]])
+def test_an_emergency_stop_lowers_it_whatever_it_does(bench, before):
+    for command in before:
+        bench.command(command)
+    assert bench.command("emergency_stop").mode is BodyMode.DAMPED
     assert bench.command("stand_up").command("sit_down").mode is BodyMode.DAMPED
     assert bench.go(1.1).mode is BodyMode.OFF
 

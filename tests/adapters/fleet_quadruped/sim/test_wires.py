@@ -22,7 +22,7 @@ def test_without_faults_frames_are_passed_on_as_they_are():
     assert buses.from_dog("b", frames, 0.0) is frames
 
 
-@settings(max_examples=30)
+@settings(max_examples=20)
 @given(
     st.integers(0, 0x1FFFFFFF),
     st.binary(max_size=64),

@@ -10,7 +10,7 @@ from fleet_ugv.codecs.hoverboard import frame_of
 from fleet_ugv.profiles import PROFILES
 from fleet_ugv.sim.arduino import ArduinoBoard
 from fleet_ugv.sim.hoverboard import HoverboardBoard
-from fleet_ugv.sim.spec import BOARDS, SKID, BaseSpec, board_of, spec_of
+from fleet_ugv.sim.spec import BOARDS, BaseSpec, board_of, spec_of
 from fleet_ugv.sim.waveshare import WaveshareBoard
 
 
@@ -38,6 +38,7 @@ def test_the_settings_of_the_robot_are_those_of_its_simulation():
     [
         ("faults=loss:1", "'faults' is not known; there are fault, seed and firmware"),
         ("zoo=1&bar=2", "'bar' is not known"),
+        ("zoo=1", "'zoo' is not known"),
         ("seed=x", "the seed 'x' is no whole number"),
         ("seed=-1", "the seed '-1' is no whole number"),
         ("seed=", "the seed '' is no whole number"),
@@ -70,8 +71,8 @@ def test_an_unknown_field_is_refused():
 @pytest.mark.parametrize(
     ("profile", "kind", "widening"),
     [
-        ("waveshare-beast", WaveshareBoard, SKID),
-        ("waveshare-rover", WaveshareBoard, SKID),
+        ("waveshare-beast", WaveshareBoard, 1.3),
+        ("waveshare-rover", WaveshareBoard, 1.3),
         ("waveshare-rasprover", WaveshareBoard, 1.15),
         ("ros-arduino", ArduinoBoard, 1.0),
         ("hoverboard", HoverboardBoard, 1.0),
