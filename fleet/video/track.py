@@ -76,6 +76,8 @@ def jpeg_decoder() -> av.VideoCodecContext:
 
 def decoded(decoder: av.VideoCodecContext, picture: Picture) -> av.VideoFrame:
     """Decode a picture to the form that encoders need: YUV 4:2:0, even sides. Raises Refused if damaged."""
+    if not picture.data:  # an empty packet would end the decoder: it would refuse all later pictures
+        raise Refused("the camera's picture is empty")
     try:
         frames = decoder.decode(av.Packet(picture.data))
     except av.FFmpegError as error:

@@ -150,3 +150,10 @@ def test_a_damaged_picture_is_refused_and_the_next_one_is_read(data):
     with pytest.raises(Refused, match="the camera's picture cannot be decoded"):
         decoded(decoder, Picture(data, 1, 1))
     assert decoded(decoder, picture()).width == 32
+
+
+def test_an_empty_picture_is_refused_and_the_next_one_is_read():
+    decoder = jpeg_decoder()
+    with pytest.raises(Refused, match="the camera's picture is empty"):
+        decoded(decoder, Picture(b"", 1, 1))
+    assert decoded(decoder, picture()).width == 32
