@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
 
 import msgspec
 
-from fleet import Refused, TimedOut
+from fleet import CommandError, LinkLost, Refused, TimedOut
 from fleet_mavlink.constants import AUTOPILOT
 from fleet_mavlink.event_messages import FileTransfer
 from fleet_mavlink.received_messages import ReceivedMessages
@@ -50,22 +51,45 @@ class FtpClient:
         return int.from_bytes(data[:4], "little")
 
     async def read(self, path: str) -> bytes:
-        """Return a whole file; raises Refused if it is missing or too large, TimedOut without an answer."""
+        """Return a whole file; raises Refused if it is missing or too large, TimedOut without an answer.
+
+        PX4 has one session, which has no timeout: left open, it serves no file until it restarts.
+        """
         with self._vehicle.hearing(FileTransfer) as heard:
-            opened = await self._request(heard, _OPEN, 0, 0, path.encode())
-            size = int.from_bytes(opened.data[:4], "little")
-            if size > MOST_BYTES:
-                raise Refused(f"{path} has {size} bytes, more than {MOST_BYTES}")
-            found = bytearray()
             try:
-                while len(found) < size:
-                    piece = (await self._request(heard, _READ, opened.session, len(found), b"")).data
-                    if not piece:
-                        raise Refused(f"{path} ended at {len(found)} of {size} bytes")
-                    found += piece
-            finally:
-                self._send(_TERMINATE, opened.session, 0, b"")
+                opened = await self._request(heard, _OPEN, 0, 0, path.encode())
+            except Refused:
+                raise  # another station may have the session
+            except BaseException:
+                self._abandon(0)  # it may have been opened, although no answer was received
+                raise
+            try:
+                data = await self._contents(heard, path, opened)
+            except BaseException:
+                self._abandon(opened.session)
+                raise
+            with contextlib.suppress(CommandError):
+                await self._request(heard, _TERMINATE, opened.session, 0, b"")
+        return data
+
+    async def _contents(self, heard: ReceivedMessages[FileTransfer], path: str, opened: FtpAnswer) -> bytes:
+        """Read an open file."""
+        size = int.from_bytes(opened.data[:4], "little")
+        if size > MOST_BYTES:
+            raise Refused(f"{path} has {size} bytes, more than {MOST_BYTES}")
+        found = bytearray()
+        while len(found) < size:
+            piece = (await self._request(heard, _READ, opened.session, len(found), b"")).data
+            if not piece:
+                raise Refused(f"{path} ended at {len(found)} of {size} bytes")
+            found += piece
         return bytes(found[:size])
+
+    def _abandon(self, session: int) -> None:
+        """Close a session at once; with a new sequence number, or PX4 takes it for a repeated request."""
+        self._sequence = (self._sequence + 1) & 0xFFFF
+        with contextlib.suppress(LinkLost):
+            self._send(_TERMINATE, session, 0, b"")
 
     def _send(self, opcode: int, session: int, offset: int, data: bytes) -> None:
         """Send a request."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from fleet_mavlink.sim.compass import SimCompass
+from fleet_mavlink.sim.files import FILES, SimFiles
 from fleet_mavlink.sim.gimbal import SimGimbal
 from fleet_mavlink.sim.logs import SimLogs
 from fleet_mavlink.sim.remote_id import SimRemoteId
@@ -14,10 +15,11 @@ if TYPE_CHECKING:
 
 
 class Equipment:
-    """Logs, a compass, and optionally gimbal and Remote ID."""
+    """Logs, files, a compass, and optionally gimbal and Remote ID."""
 
     def __init__(self, *, ardupilot: bool) -> None:
         self.logs = SimLogs(1 if ardupilot else 0)
+        self.files = SimFiles({} if ardupilot else FILES)
         self.compass = SimCompass(words=not ardupilot)
         self.gimbal: SimGimbal | None = None
         self.remote_id: SimRemoteId | None = None
@@ -25,6 +27,7 @@ class Equipment:
     def reboot(self) -> None:
         """End activities in progress."""
         self.logs.reboot()
+        self.files.reboot()
         self.compass = SimCompass(words=self.compass.words)
         self.remote_id = SimRemoteId() if self.remote_id is not None else None
 

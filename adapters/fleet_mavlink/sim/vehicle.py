@@ -16,7 +16,6 @@ from fleet_mavlink.sim.battery import SimBattery
 from fleet_mavlink.sim.command_request import decode_request
 from fleet_mavlink.sim.equipment import Equipment
 from fleet_mavlink.sim.faults import FAULTS
-from fleet_mavlink.sim.files import FILES, answer
 from fleet_mavlink.sim.mission_items import ARDUPILOT_BEHAVIOUR, PX4_BEHAVIOUR
 from fleet_mavlink.sim.missions import SimMissions
 from fleet_mavlink.sim.params import (
@@ -273,11 +272,6 @@ def _set_current(pilot: Autopilot, message: Any) -> Iterable[object]:
     return [BUILDERS[mav.MAVLINK_MSG_ID_MISSION_CURRENT](pilot)]
 
 
-def _files(pilot: Autopilot, message: object) -> Iterable[object]:
-    """Answer a file transfer: PX4 serves its event metadata."""
-    return answer(message, FILES if isinstance(pilot, SimPx4) else {})
-
-
 def _remote_id(pilot: Autopilot, message: object) -> None:
     """Open Drone ID: processed only by an autopilot with a transmitter."""
     if pilot.equipment.remote_id is not None:
@@ -295,7 +289,7 @@ def _list_logs(pilot: Autopilot, message: object) -> Iterable[object]:
 _HANDLERS: Mapping[str, Callable[[Any, object], Iterable[object] | None]] = {
     "COMMAND_INT": _command,
     "COMMAND_LONG": _command,
-    "FILE_TRANSFER_PROTOCOL": _files,
+    "FILE_TRANSFER_PROTOCOL": lambda pilot, message: pilot.equipment.files.requested(message),
     "HEARTBEAT": _heartbeat,
     "LOG_REQUEST_DATA": lambda pilot, message: pilot.equipment.logs.requested_data(message),
     "LOG_REQUEST_END": lambda pilot, _message: pilot.equipment.logs.requested_end(),
