@@ -3,13 +3,10 @@
 import math
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from fleet import GeoPoint, Vector3, Velocity
+from fleet import GeoPoint
 from fleet_mavlink.ardupilot import ArduCopter
 from fleet_mavlink.constants import MavCmd
-from fleet_mavlink.flavour import arm_command
 from fleet_mavlink.flavours import flavour_of
 from fleet_mavlink.messages import CommandInt, CommandLong, Heartbeat, SetPositionTargetGlobalInt
 from fleet_mavlink.px4 import Px4
@@ -95,49 +92,3 @@ def test_both_are_sent_a_heading_and_ardupilot_is_set_to_use_it():
     assert PX4.go_command(PLACE, 488.0, 3.0, 1.0).param4 == 1.0
     target = ARDUPILOT.go_command(PLACE, 488.0, 3.0, 1.0)
     assert (target.yaw, target.type_mask & 0x400, target.type_mask & 0x800) == (1.0, 0, 0x800)
-
-
-def test_forcing_skips_the_checks_of_what_is_asked_and_of_nothing_else():
-    assert arm_command(arm=True, force=True) == CommandLong(400, param1=1.0, param2=21196.0)
-    assert arm_command(arm=True, force=False) == CommandLong(400, param1=1.0, param2=0.0)
-    assert arm_command(arm=False, force=True) == CommandLong(400, param1=0.0, param2=21196.0)
-
-
-@pytest.mark.parametrize(
-    ("heading", "north", "east"), [(0.0, 1, 0), (math.pi / 2, 0, 1), (math.pi, -1, 0), (-math.pi / 2, 0, -1)]
-)
-def test_forward_is_where_the_nose_points(heading, north, east):
-    sent = Px4().setpoint(Velocity(Vector3(1.0, 0.0, 0.0)), heading, 1)
-    assert (sent.vx, sent.vy, sent.vz) == pytest.approx((north, east, 0.0), abs=1e-9)
-
-
-def test_left_up_and_turning_left_have_their_signs():
-    sent = Px4().setpoint(Velocity(Vector3(0.0, 1.0, 2.0), yaw_rate=0.5), 0.0, 3)
-    assert (sent.vx, sent.vy, sent.vz) == pytest.approx((0.0, -1.0, -2.0), abs=1e-9)
-    assert sent.yaw_rate == -0.5
-    assert (sent.coordinate_frame, sent.type_mask, sent.target_system) == (1, 1479, 3)
-
-
-small = st.floats(-20, 20)
-
-
-@given(small, small, small, st.floats(-math.pi, math.pi))
-def test_turning_a_velocity_changes_no_speed(x, y, z, heading):
-    sent = Px4().setpoint(Velocity(Vector3(x, y, z)), heading, 1)
-    assert math.hypot(sent.vx, sent.vy) == pytest.approx(math.hypot(x, y), abs=1e-9)
-    assert sent.vz == -z
-
-
-def test_ardupilot_is_ready_once_the_check_passes_and_the_position_is_usable():
-    ready = ARDUPILOT.ready_to_arm
-    assert ready(VehicleState()) is None
-    assert ready(VehicleState(prearm_ok=True)) is None
-    assert ready(VehicleState(prearm_ok=True, estimator_flags=0xA7)) is False
-    assert ready(VehicleState(prearm_ok=False, estimator_flags=0x33F)) is False
-    assert ready(VehicleState(prearm_ok=True, estimator_flags=0x33F)) is True
-
-
-def test_px4_is_ready_once_the_check_passes_and_home_is_known():
-    assert PX4.ready_to_arm(VehicleState()) is None
-    assert PX4.ready_to_arm(VehicleState(prearm_ok=True)) is False
-    assert PX4.ready_to_arm(VehicleState(prearm_ok=True, home=PLACE)) is True

@@ -80,12 +80,6 @@ def test_the_kind_of_aircraft_is_reported(kind, expected):
     assert ua_type(kind) == expected
 
 
-@pytest.mark.parametrize("text", ["Zürich", "a\nb"])
-def test_what_remote_id_cannot_carry_is_refused(text):
-    with pytest.raises(ValueError, match="printable ASCII"):
-        RemoteIdConfig(latitude=1.0, longitude=2.0, description=text)
-
-
 @pytest.mark.parametrize(
     ("status", "age", "wanted", "trouble"),
     [
