@@ -59,10 +59,12 @@ class Gimbal:
         """Turn to angles; return once they are seen, if the gimbal reports its attitude."""
         manager = await self._take_control()
         aim = self._aim_of(turn, manager)
+        rates = self._rates_to(aim, turn.seconds) if turn.seconds > 0 else None
         self._keep()
-        if turn.seconds > 0:
-            await self._turn_slowly(aim, turn.seconds)
+        if rates is not None:
+            await self._turn_slowly(*rates, turn.seconds)
         await self._request(pitch=_or_nan(aim.pitch), yaw=_or_nan(aim.yaw))
+        self._keep()
         if self._vehicle.state.sensors.aim is None:
             return  # no attitude report: the manager's acknowledgement is the only evidence
 
@@ -79,15 +81,24 @@ class Gimbal:
             raise Refused(f"a turning speed is within {_FASTEST:g} degrees a second")
         await self._take_control()
         self._keep()
-        await self._request(pitch_rate=pitch, yaw_rate=yaw)
-        if pitch or yaw:
-            self._ending = self._spawn(self._end_spin())
+        try:
+            await self._request(pitch_rate=pitch, yaw_rate=yaw)
+        finally:
+            self._end_after(LEASE)
 
-    async def _end_spin(self) -> None:
-        """Stop turning when the lease has expired."""
-        await asyncio.sleep(LEASE)
+    def _end_after(self, seconds: float) -> None:
+        """Schedule the end of a spin: also of one that was not acknowledged, as it may turn nevertheless."""
+        self._keep()
+        self._ending = self._spawn(self._end_spin(seconds))
+
+    async def _end_spin(self, seconds: float) -> None:
+        """Stop turning after a time."""
+        await asyncio.sleep(seconds)
+        try:
+            await self._request(pitch_rate=0.0, yaw_rate=0.0)
+        except FleetError as error:
+            self._vehicle.log.warning("the gimbal may still turn: %s", error)
         self._ending = None
-        await self._request(pitch_rate=0.0, yaw_rate=0.0)
 
     def _keep(self) -> None:
         """Cancel the scheduled end of a spin, because of a newer command."""
@@ -95,14 +106,20 @@ class Gimbal:
             self._ending.cancel()
             self._ending = None
 
-    async def _turn_slowly(self, aim: _GimbalTarget, seconds: float) -> None:
-        """Turn at the rate that arrives in time."""
+    def _rates_to(self, aim: _GimbalTarget, seconds: float) -> tuple[float, float]:
+        """Return the rates that arrive in time; raises NotReady while the present angles are unknown."""
         seen = self._vehicle.state.sensors.aim
         if seen is None:
             raise NotReady("the gimbal does not say how it is turned", hint="leave the duration out")
-        pitch, yaw = _speed(seen.pitch, aim.pitch, seconds), _speed(seen.yaw, aim.yaw, seconds)
-        await self._request(pitch_rate=pitch, yaw_rate=yaw)
-        await asyncio.sleep(seconds)
+        return _speed(seen.pitch, aim.pitch, seconds), _speed(seen.yaw, aim.yaw, seconds)
+
+    async def _turn_slowly(self, pitch: float, yaw: float, seconds: float) -> None:
+        """Turn at rates for a time; the end is scheduled, in case the angles are never commanded."""
+        try:
+            await self._request(pitch_rate=pitch, yaw_rate=yaw)
+            await asyncio.sleep(seconds)
+        finally:
+            self._end_after(LEASE)
 
     def _aim_of(self, turn: GimbalTurn, manager: GimbalManagerInformation) -> _GimbalTarget:
         """Return the target angles; raises Refused beyond the gimbal's limits."""
