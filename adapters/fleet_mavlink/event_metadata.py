@@ -46,7 +46,8 @@ class EventKeeper:
     async def _get(self) -> None:
         """Get the metadata; a vehicle without it is used without."""
         for attempt in range(_TRIES):
-            await self._vehicle.until(lambda state: not state.armed, _FOREVER)
+            while not await self._vehicle.until(lambda state: not state.armed, _FOREVER):
+                self._vehicle.log.debug("it is still armed")
             try:
                 self._vehicle.dictionary = EventDictionary(await self._packed(refetch=attempt > 0))
             except (CommandError, ValueError) as error:

@@ -83,3 +83,9 @@ def test_an_airspeed_at_which_its_rotors_help_is_refused_with_the_lowest_that_is
     with pytest.raises(Refused, match=r"at 15 m/s its rotors help \(Q_ASSIST_SPEED 13.1\)") as refused:
         HOVERING.forward.airspeed(state, 30.0, None)
     assert "at least 15.1 m/s" in refused.value.hint
+
+
+@pytest.mark.parametrize("helped", [0.0, -1.0])
+def test_without_help_of_its_rotors_it_flies_as_slowly_as_its_wings_can(helped):
+    settings = {**SET_UP, "AIRSPEED_MIN": 0.5, "Q_ASSIST_SPEED": helped}
+    assert HOVERING.forward.airspeed(VehicleState(settings=settings), 0.75, None) == 0.75

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from fleet.model.report import LogReport
 from fleet_mavlink.event_messages import Event
-from fleet_mavlink.event_metadata import cache
 from fleet_mavlink.events import EventDictionary
 from fleet_mavlink.sim.event_list import DISENGAGED, PACKED
 from fleet_mavlink.texts import Sentence
@@ -85,22 +84,6 @@ def test_no_argument_breaks_it(level, data):
     EventDictionary(PACKED).say(Event(1 << 24 | DISENGAGED, 1, level, tuple(data)))
 
 
-def test_the_list_is_read_from_the_vehicle_once_and_kept_by_its_checksum(run_in_sim_time, sim_flight):
-    async def main():
-        async with sim_flight("px4") as it:
-            await it.wait_until_known()
-            vehicle = it.adapter._session.vehicle
-            await it.until(lambda: vehicle.dictionary is not None, within=20.0)
-            assert len(vehicle.dictionary) == 4
-        (kept,) = cache().iterdir()
-        assert kept.read_bytes() == PACKED
-        async with sim_flight("px4") as it:
-            await it.wait_until_known()
-            await it.until(lambda: it.adapter._session.vehicle.dictionary is not None, within=20.0)
-
-    run_in_sim_time(main())
-
-
 def test_the_reason_of_a_fail_safe_is_the_events(run_in_sim_time, sim_flight):
     async def main():
         async with sim_flight("px4") as it:
@@ -114,16 +97,6 @@ def test_the_reason_of_a_fail_safe_is_the_events(run_in_sim_time, sim_flight):
             assert reason in it.robot.healths[-1].cause
             said = [report.message for report in it.robot.reports_of(LogReport)]
             assert said.count(reason) == 1
-
-    run_in_sim_time(main())
-
-
-def test_an_autopilot_without_files_is_flown_all_the_same(run_in_sim_time, sim_flight):
-    async def main():
-        async with sim_flight("ardupilot") as it:
-            await it.wait_until_known()
-            await it.do("takeoff", altitude=5.0)
-            assert it.adapter._session.vehicle.dictionary is None
 
     run_in_sim_time(main())
 

@@ -1,51 +1,18 @@
 """The client of a vehicle's files: whole files over a link that loses, and no session left open behind it."""
 
 import asyncio
-import struct
 import zlib
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pymavlink.dialects.v20 import all as mav
 
 from fleet import LinkLost, Refused, TimedOut
 from fleet_mavlink.event_messages import FileTransfer
 from fleet_mavlink.files import MOST_BYTES, FtpAnswer, FtpClient
-from fleet_mavlink.sim.files import SimFiles
+from tests.adapters.fleet_mavlink.file_server import CRC, DATA, HEAD, OPEN, PATH, READ, TERMINATE, Server
 
-HEAD = struct.Struct("<HBBBBBxI")
-TERMINATE, OPEN, READ, CRC = 1, 4, 5, 14
-PATH, DATA = "etc/events", bytes(range(256)) * 4
 PIECES = -(-len(DATA) // 239)
-
-
-class Server:
-    """The files of a simulated autopilot; ``loses`` says of each request, by its count, what gets lost."""
-
-    def __init__(self, files=None):
-        self.files = SimFiles({PATH: DATA} if files is None else files)
-        self.loses = lambda _count, _opcode: None
-        self.requests = []  # (sequence, opcode, offset)
-
-    def answer(self, message):
-        if not isinstance(message, FileTransfer):
-            return []
-        sequence, _, opcode, _, _, _, offset = HEAD.unpack_from(bytes(message.payload))
-        self.requests.append((sequence, opcode, offset))
-        lost = self.loses(len(self.requests), opcode)
-        if lost == "request":
-            return []
-        asked = mav.MAVLink_file_transfer_protocol_message(0, 1, 1, list(message.payload))
-        said = [FileTransfer(0, 0, 0, tuple(each.payload)) for each in self.files.requested(asked)]
-        return [] if lost == "answer" else said
-
-    def asked(self, opcode):
-        return [request for request in self.requests if request[1] == opcode]
-
-    @property
-    def is_closed(self):
-        return self.files._open is None
 
 
 @pytest.fixture
@@ -183,7 +150,7 @@ def test_a_reading_that_is_cancelled_closes_its_session(transfer, opcode, size):
 
     async def test(client, server, it):
         reading = asyncio.ensure_future(client.read(PATH))
-        while not (reading.done() or server.asked(opcode)):
+        while not (reading.done() or server.asked(opcode)):  # noqa: ASYNC110 - time jumps here
             await asyncio.sleep(0.001)
         reading.cancel()
         with pytest.raises(asyncio.CancelledError):
