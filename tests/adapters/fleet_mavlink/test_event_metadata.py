@@ -62,6 +62,17 @@ def test_a_list_is_read_and_kept_by_its_checksum(keep):
     assert [each.name for each in cache().iterdir()] == [kept(PACKED).name]
 
 
+def test_the_name_of_a_kept_list_has_all_digits_of_its_checksum(keep):
+    lists = (lzma.compress(json.dumps({"version": 2, "components": {}, "n": n}).encode()) for n in range(999))
+    data = next(each for each in lists if zlib.crc32(each) < 1 << 28)
+
+    async def test(it, server):
+        assert await listed(it) == 0
+
+    keep(test, files={PATH: data})
+    assert [len(each.name) for each in cache().iterdir()] == [len("01234567.json.xz")]
+
+
 def test_a_kept_list_is_only_asked_for_its_checksum(keep):
     kept(PACKED).parent.mkdir(parents=True)
     kept(PACKED).write_bytes(PACKED)
