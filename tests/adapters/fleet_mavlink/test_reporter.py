@@ -127,6 +127,7 @@ def test_reports_that_are_switched_off_are_not_scheduled(told):
     flies(it)
     it.pass_time(2.0)
     assert not it.of(ImuReport) + it.of(JointReport)
+    told(rates={"imu": 0.0})
     motors = told(motor_joints=["a", "b"])
     flies(motors)
     motors.pass_time(2.0)

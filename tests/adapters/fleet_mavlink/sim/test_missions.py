@@ -3,7 +3,7 @@
 import pytest
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.missions import ACTIVE, COMPLETE, NO_MISSION, NOT_STARTED, PAUSED
+from fleet_mavlink.sim.missions import NO_MISSION, NOT_STARTED
 
 LAT, LON = 473977420, 85455940
 
@@ -59,59 +59,10 @@ def test_ardupilots_item_0_is_home(bench):
     assert (got.frame, got.command, got.z) == (0, 16, pytest.approx(488, abs=0.1))
 
 
-def test_a_mission_is_flown_to_its_end(loaded):
-    start(loaded)
-    assert loaded.pilot.missions.state == ACTIVE
-    loaded.until(lambda: loaded.pilot.missions.state == COMPLETE, 120)
-    loaded.until(lambda: not loaded.pilot.armed)
-    reached = {m.seq for m in loaded.said("MISSION_ITEM_REACHED")}
-    first = 1 if loaded.ardupilot else 0
-    assert reached == {first, first + 1, first + 2, first + 3}
-    assert loaded.body.east == pytest.approx(15, abs=1.5)
-
-
-def test_the_current_item_never_passes_the_count(loaded):
-    start(loaded)
-    loaded.until(lambda: loaded.pilot.missions.state == COMPLETE, 120)
-    loaded.run(5)
-    loaded.requests(512, 42)
-    current = loaded.last("MISSION_CURRENT")
-    assert current.seq == len(plan(loaded.ardupilot)) - 1
-    assert current.mission_state == COMPLETE
-
-
-def test_leaving_the_mode_pauses_and_coming_back_goes_on(loaded):
-    start(loaded)
-    loaded.until(lambda: loaded.pilot.missions.current == (2 if loaded.ardupilot else 1), 40)
-    loaded.set_mode("GUIDED" if loaded.ardupilot else "LOITER")
-    assert loaded.pilot.missions.state == PAUSED
-    current = loaded.pilot.missions.current
-    loaded.set_mode("AUTO" if loaded.ardupilot else "MISSION")
-    assert (loaded.pilot.missions.state, loaded.pilot.missions.current) == (ACTIVE, current)
-
-
 def test_a_running_mission_is_cleared_only_by_px4(loaded):
     start(loaded)
     (ack,) = loaded.tell(mav.MAVLink_mission_clear_all_message(1, 1, 0))
     assert ack.type == (mav.MAV_MISSION_ERROR if loaded.ardupilot else mav.MAV_MISSION_ACCEPTED)
-
-
-def test_a_mission_that_asks_for_rtl_returns(bench):
-    px4 = bench("px4")
-    upload(px4, [item(0, 22), item(1, 16, east=1000), item(2, 20)])
-    start(px4)
-    px4.until(lambda: px4.mode == "RTL", 60)
-
-
-def test_the_end_of_the_last_item_is_reported_once_by_ardupilot_and_again_by_px4(loaded):
-    start(loaded)
-    loaded.until(lambda: loaded.pilot.missions.state == COMPLETE, 120)
-    loaded.heard.clear()
-    loaded.run(3.5)
-    reached = [each.seq for each in loaded.said("MISSION_ITEM_REACHED")]
-    assert reached == ([] if loaded.ardupilot else [len(loaded.pilot.missions.items) - 1] * 3)
-    loaded.run(30)
-    assert len(loaded.said("MISSION_ITEM_REACHED")) <= 10
 
 
 def test_clearing_forgets_the_mission(loaded):
