@@ -2,26 +2,10 @@
 
 import math
 
-import pytest
-
 from fleet_mavlink.sim.mission_items import Item
 
 ACCEPTED, REJECTED = 0, 1
-MODES = {"LOITER": 12, "GUIDED": 15}
 NAN = math.nan
-
-
-def enters(it, name):
-    return it.requests(176, 1, MODES[name])
-
-
-@pytest.fixture
-def plane(bench):
-    it = bench("ardupilot", vehicle="plane")
-    it.run(0.5)
-    assert enters(it, "GUIDED") == [ACCEPTED]
-    assert it.requests(400, 1) == [ACCEPTED]
-    return it
 
 
 def test_a_px4_plane_wants_a_landing_in_its_mission(bench):

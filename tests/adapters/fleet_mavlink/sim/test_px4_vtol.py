@@ -1,22 +1,6 @@
 """A VTOL on PX4 1.16.1: a multirotor in hover, a plane on its wings."""
 
-import pytest
-
 ACCEPTED, REJECTED = 0, 1
-MODES = {"GUIDED": 15}
-
-
-def enters(it, name):
-    return it.requests(176, 1, MODES[name])
-
-
-@pytest.fixture
-def plane(bench):
-    it = bench("ardupilot", vehicle="plane")
-    it.run(0.5)
-    assert enters(it, "GUIDED") == [ACCEPTED]
-    assert it.requests(400, 1) == [ACCEPTED]
-    return it
 
 
 def test_a_px4_vtol_on_its_wings_cannot_be_armed_on_the_ground(bench):
