@@ -70,6 +70,13 @@ def test_an_axis_without_a_number_goes_on_as_it_was(gimbal):
     assert after(gimbal, 3.0) == pytest.approx((-30.0, 0.0))
 
 
+def test_a_rate_replaces_an_angle(gimbal):
+    gimbal.turn(request(-45.0))
+    after(gimbal, 0.5)
+    gimbal.turn(request(NAN, NAN, 10.0))
+    assert after(gimbal, 2.0) == pytest.approx((-10.0, 0.0))
+
+
 def test_a_rate_goes_on_without_a_new_command_up_to_the_limit(gimbal):
     gimbal.turn(request(NAN, NAN, -20.0, 50.0))
     assert after(gimbal, 30.0) == (-90.0, 160.0)
