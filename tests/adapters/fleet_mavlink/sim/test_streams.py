@@ -3,6 +3,8 @@
 import pytest
 from pymavlink.dialects.v20 import all as mav
 
+ACCEPTED, DENIED = 0, 2
+
 
 @pytest.fixture
 def ap(bench):
@@ -31,3 +33,17 @@ def test_data_streams_can_be_asked_for(ap):
     ap.run(10)
     assert 38 <= len(ap.said("ATTITUDE")) <= 42
     assert 38 <= len(ap.said("SYS_STATUS")) <= 42
+
+
+def test_message_rates(ap):
+    ap.run(0.2)
+    assert ap.requests(511, 30, 20000) == [ACCEPTED]
+    assert ap.requests(511, 30, 2500) == [DENIED]
+    assert ap.requests(511, 9999, 100000) == [DENIED]
+    ap.heard.clear()
+    ap.run(10)
+    assert 495 <= len(ap.said("ATTITUDE")) <= 505
+    ap.requests(511, 30, 0)
+    ap.heard.clear()
+    ap.run(2)
+    assert not ap.said("ATTITUDE")
