@@ -71,5 +71,7 @@ class DriveToPosition(GoToManoeuvre):
         rover = cast("SimArduRover", pilot)
         body = rover.body
         body.backwards, body.easing = rover.reversed, 0.0
-        self.done = self.done or math.hypot(self.north - body.north, self.east - body.east) < _THERE
-        return Aim() if self.done else super().aim(pilot)
+        there = self.done or math.hypot(self.north - body.north, self.east - body.east) < _THERE
+        wanted = Aim() if there else super().aim(pilot)
+        self.done = there  # not that of a copter, which is wider
+        return wanted
