@@ -177,9 +177,9 @@ def test_no_speed_is_no_speed(flying, speed):
 def test_a_relative_turn_is_from_where_its_nose_points(flying):
     flying.requests(115, 90, 60, 1, 0)
     flying.run(4.0)
-    assert flying.requests(115, 45, 60, -1, 1) == [ACCEPTED]
+    assert flying.requests(115, 30, 60, -1, 1) == [ACCEPTED]
     flying.run(4.0)
-    assert math.degrees(flying.body.heading) == pytest.approx(45, abs=3)
+    assert math.degrees(flying.body.heading) == pytest.approx(60, abs=3)
 
 
 def test_home_is_set_here_or_at_a_place_but_not_nowhere(flying):

@@ -179,3 +179,16 @@ def test_landing_and_returning_say_so(flying):
     assert flying.requests(20) == [ACCEPTED]
     assert "Returning to launch\t" in flying.texts
     assert flying.mode == "RTL"
+
+
+def test_on_the_ground_it_is_disarmed_and_says_so_once(px4):
+    px4.run(0.2)
+    px4.requests(400, 1)
+    assert px4.requests(400, 0) == px4.requests(400, 0) == [ACCEPTED]
+    assert px4.texts.count("Disarmed by external command\t") == 1
+
+
+def test_a_message_that_it_does_not_have_is_denied(px4):
+    px4.run(0.2)
+    assert px4.requests(512, 9999) == [DENIED]
+    assert px4.requests(512, 193) == [DENIED]  # ArduPilot's

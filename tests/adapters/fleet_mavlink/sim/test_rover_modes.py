@@ -4,6 +4,8 @@ import math
 
 import pytest
 
+from fleet_mavlink.sim.rover_modes import MODES
+
 ACCEPTED = 0
 HOLD, LOITER, GUIDED = 4, 5, 15
 AHEAD = 0x0DC7
@@ -33,3 +35,52 @@ def test_guided_again_is_no_stop(rover):
     assert rover.requests(176, 1, GUIDED) == [ACCEPTED]
     rover.run(2.0)
     assert rover.body.speed > 3.0
+
+
+@pytest.mark.parametrize(
+    ("name", "custom", "base", "position", "armable"),
+    [
+        ("MANUAL", 0, 0x41, False, True),
+        ("HOLD", 4, 0x01, False, True),
+        ("LOITER", 5, 0x09, True, True),
+        ("AUTO", 10, 0x09, True, True),
+        ("RTL", 11, 0x09, True, True),
+        ("GUIDED", 15, 0x09, True, True),
+        ("INITIALISING", 16, 0x01, False, False),
+    ],
+)
+def test_a_mode_has_its_number_and_what_it_needs(name, custom, base, position, armable):
+    mode = MODES[name]
+    assert (mode.custom, mode.base, mode.position, mode.armable) == (custom, base, position, armable)
+
+
+@pytest.mark.parametrize("mode", [0, HOLD])
+def test_it_coasts_in_hold_and_in_manual_without_a_stick(rover, mode):
+    rover.stream(4.0, 3.0, mask=AHEAD)
+    rover.requests(176, 1, mode)
+    rover.run(1.0)
+    assert rover.body.speed == pytest.approx(3.45 * math.exp(-1 / 2.05), abs=0.2)
+
+
+def test_guided_anew_ends_what_another_mode_did(rover):
+    rover.stream(4.0, 3.0, mask=AHEAD)
+    rover.requests(176, 1, HOLD)
+    rover.requests(176, 1, GUIDED)
+    rover.run(8.0)
+    assert rover.body.speed < 0.1
+
+
+def test_home_is_driven_to_from_wherever_it_is(rover):
+    rover.stream(6.0, 3.0, mask=AHEAD)
+    rover.requests(176, 1, 11)
+    rover.until(lambda: math.hypot(rover.body.north, rover.body.east) < 0.5, limit=60.0)
+    rover.run(3.0)
+    assert rover.body.speed < 0.1
+    assert rover.pilot.armed
+
+
+def test_a_mode_that_needs_a_position_is_refused_without_one(rover):
+    rover.vehicle.set_fault("gps_loss", 1)
+    rover.run(15.0)
+    assert rover.requests(176, 1, LOITER) == [4]
+    assert rover.requests(176, 1, HOLD) == [ACCEPTED]
