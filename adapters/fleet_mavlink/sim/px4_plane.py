@@ -190,6 +190,7 @@ class SimPx4Plane(SimPx4):
     )
     takeoff_control: ClassVar[type[Px4TakeoffControl]] = RunwayTakeoffControl
     agility: ClassVar[Agility] = Agility(4.0, 3.0, 1.0)
+    _detected: Manoeuvre | None = None  # the last take-off that was reported
 
     @property
     def circle_radius(self) -> float:
@@ -224,8 +225,9 @@ class SimPx4Plane(SimPx4):
         """Change to LOITER at the end of a take-off."""
         flown = self.manoeuvre
         if isinstance(flown, RunwayTakeoff):
-            if not self.land_detector.landed and not self.land_detector.left_ground:
-                self.send_text_once(INFO, "Takeoff detected")
+            if not self.land_detector.landed and self._detected is not flown:
+                self._detected = flown
+                self.say(INFO, "Takeoff detected")
             if flown.done:
                 self.enter(self.modes["LOITER"])
         super().supervise()
