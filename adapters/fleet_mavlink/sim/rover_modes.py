@@ -23,9 +23,9 @@ def _stay(_pilot: Autopilot) -> Manoeuvre:
     return Coast(0.0)
 
 
-def _guided(pilot: Autopilot) -> Manoeuvre:
-    """Keep the present manoeuvre until a setpoint arrives; GUIDED again is no stop."""
-    return pilot.manoeuvre if pilot.mode.name == "GUIDED" and pilot.armed else Coast(BRAKED)
+def _guided(_pilot: Autopilot) -> Manoeuvre:
+    """Stop until a setpoint arrives. GUIDED again is no stop: a mode is not entered again."""
+    return Coast(BRAKED)
 
 
 def _home(pilot: Autopilot) -> Manoeuvre:

@@ -5,6 +5,7 @@ import math
 import pytest
 
 from fleet_mavlink.sim.rover_modes import MODES
+from fleet_mavlink.sim.rover_moves import BRAKED
 
 ACCEPTED = 0
 HOLD, LOITER, GUIDED = 4, 5, 15
@@ -66,8 +67,20 @@ def test_guided_anew_ends_what_another_mode_did(rover):
     rover.stream(4.0, 3.0, mask=AHEAD)
     rover.requests(176, 1, HOLD)
     rover.requests(176, 1, GUIDED)
+    assert rover.body.easing == BRAKED
     rover.run(8.0)
     assert rover.body.speed < 0.1
+
+
+@pytest.mark.parametrize("mode", [LOITER, 11])
+def test_guided_ends_the_way_home_and_stays_where_it_is(rover, mode):
+    rover.stream(6.0, 3.0, mask=AHEAD)
+    rover.requests(176, 1, mode)
+    rover.run(4.0)
+    rover.requests(176, 1, GUIDED)
+    rover.run(10.0)
+    assert rover.body.speed < 0.1
+    assert rover.body.north > 4.0  # it was on its way from 14 m
 
 
 def test_home_is_driven_to_from_wherever_it_is(rover):
