@@ -136,11 +136,14 @@ def test_a_broken_fence_is_told_and_acted_on_by_its_parameter(flying, value, mod
     assert flying.mode == mode
 
 
-def test_a_lost_position_is_no_matter_in_a_mode_that_needs_none(flying):
-    flying.set_mode("STABILIZE")
-    flying.vehicle.set_fault("gps_loss", 1)
-    flying.run(0.5)
-    assert flying.pilot.failsafe == ""
+def test_a_lost_position_is_no_matter_in_a_mode_that_needs_none(ap):
+    ap.climb(40.0)
+    ap.set_mode("ALT_HOLD")
+    ap.vehicle.set_fault("gps_loss", 1)
+    ap.until(lambda: not ap.pilot.has_position, 12.0)
+    ap.run(0.2)
+    assert ap.pilot.flying
+    assert (ap.mode, ap.pilot.failsafe) == ("ALT_HOLD", "")
 
 
 def test_the_end_of_a_flight_ends_its_fail_safe(flying):

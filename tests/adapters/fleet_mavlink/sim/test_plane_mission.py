@@ -61,6 +61,7 @@ def test_a_position_is_passed_within_its_distance_and_stays_passed(pilot):
     done = flown(pilot, far, 60.0)
     assert 15.0 < done < 40.0
     assert far.done
+    assert far._within == 25.0
 
 
 @pytest.mark.parametrize("turns", [1.0, 3.0])

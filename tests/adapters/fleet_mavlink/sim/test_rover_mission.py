@@ -6,6 +6,7 @@ import pytest
 
 from fleet_mavlink.sim.mission_items import Item
 from fleet_mavlink.sim.missions import COMPLETE
+from fleet_mavlink.sim.rover_moves import BRAKED
 
 ACCEPTED = 0
 WAYPOINT, UNLIMITED, TIME, RTL, DELAY, SPEED = 16, 17, 19, 20, 93, 178
@@ -31,6 +32,7 @@ def test_its_places_are_driven_to_and_then_it_stands_armed_in_auto(rover):
     rover.run(4.0)
     assert reached(rover) == [1, 2]
     assert rover.texts.count("Mission Complete") == 1
+    assert rover.body.easing == BRAKED
     assert (rover.mode, rover.pilot.armed) == ("AUTO", True)
     assert rover.body.speed < 0.1
     assert rover.body.north == pytest.approx(25.0, abs=2.0)
