@@ -124,6 +124,8 @@ def test_guided_again_keeps_what_it_does(hovering):
     flown = hovering.pilot.manoeuvre
     enters(hovering, "GUIDED")
     assert hovering.pilot.manoeuvre is flown
+    hovering.pilot.enter(hovering.pilot.modes["GUIDED"])
+    assert hovering.pilot.manoeuvre is flown
 
 
 def test_near_the_speed_at_which_its_rotors_help_it_flies_faster_than_it_was_asked_to(hovering):
@@ -141,7 +143,8 @@ def test_its_rotors_fly_at_their_own_speed_whatever_is_asked_for(hovering):
 
 def test_it_lands_with_its_rotors_and_disarms(hovering):
     enters(hovering, "QLAND")
-    hovering.until(lambda: not hovering.pilot.armed, 90.0)
+    hovering.until(lambda: hovering.body.grounded, 90.0)
+    assert hovering.until(lambda: not hovering.pilot.armed) == pytest.approx(2.0, abs=0.3)
     assert hovering.height == 0.0
     assert hovering.pilot.vtol_state() == FORWARD
     assert "Throttle disarmed" in hovering.texts
