@@ -41,7 +41,7 @@ BUT = (
     # start programs, or wait for sockets and devices
     "adapters/fleet_mavlink/sim/test_foreign_clients.py",
     "adapters/fleet_mavlink/test_foreign_stations.py",
-    "adapters/fleet_mavlink/sim/test_main.py",
+    "adapters/fleet_mavlink/sim/test___main__.py",
     "adapters/fleet_mavlink/sim/test_server.py",
     "adapters/fleet_mavlink/test_session.py",
     "fleet/link/canbus/test_bus.py",

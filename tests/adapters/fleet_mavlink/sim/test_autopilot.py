@@ -113,6 +113,14 @@ def test_a_battery_empties_much_faster_in_the_air(flying, bench):
     assert used[1] > 5 * used[0]
 
 
+def test_motors_that_only_idle_need_as_little_as_motors_that_are_off(it):
+    before = it.pilot.battery.percent
+    it.pilot.arm()
+    it.run(8.0)
+    assert it.pilot.armed
+    assert before - it.pilot.battery.percent < 0.1
+
+
 def test_its_place_is_where_its_body_is_and_may_be_asked_for_beside_it(it):
     it.body.north, it.body.east = 111.195, 0.0
     latitude, longitude, altitude = it.pilot.geo()
