@@ -104,3 +104,19 @@ def test_an_end_that_is_not_acknowledged_is_told_and_breaks_nothing(desk, caplog
 
     desk(test)
     assert "the gimbal may still turn" in caplog.text
+
+
+def test_angles_that_are_acknowledged_late_are_not_stopped_on_the_way(desk):
+    async def test(it):
+        it.tells(0.0)
+        turning = asyncio.ensure_future(it.gimbal.turn(GimbalTurn(-40.0, None, seconds=2.0)))
+        await asyncio.sleep(1.0)
+        it.autopilot.deaf.add(AIM)
+        await asyncio.sleep(2.8)  # the end of the rate is due meanwhile
+        it.autopilot.deaf.clear()
+        await turning
+        await asyncio.sleep(3.0)
+        assert it.aims[-1] == (-40.0, None, None, None)
+        assert STOP not in it.aims
+
+    desk(test)
