@@ -48,8 +48,9 @@ def test_without_satellites_it_lands_and_loiter_is_refused(flying):
 @pytest.mark.parametrize(("value", "mode"), [(0, None), (1, "LOITER"), (2, "RTL"), (3, "LAND")])
 def test_a_lost_station_is_acted_on_by_its_parameter(flying, value, mode):
     flying.set_param("NAV_DLL_ACT", value)
+    flying.set_param("COM_DL_LOSS_T", 5)
     flying.gcs = False
-    flying.run(18.0)
+    flying.run(13.5)
     assert (flying.pilot.failsafe == "gcs") is (mode is not None)
     assert flying.mode == (mode or "LOITER")
 
@@ -66,8 +67,9 @@ def test_a_station_that_was_never_heard_is_not_lost(bench):
     px4 = bench("px4")
     px4.gcs = False
     px4.climb()
-    px4.pilot.params["NAV_DLL_ACT"] = 2
-    px4.run(20.0)
+    px4.set_param("NAV_DLL_ACT", 2)
+    px4.set_param("COM_DL_LOSS_T", 5)
+    px4.run(9.0)
     assert px4.pilot.failsafe == ""
 
 
