@@ -205,29 +205,22 @@ class SeparationKeeper:
         if self.placement is None:
             return
         at = self.placement.to_site(pose.position)
-        if self.at is not None and not self.on_earth and self._has_jumped(at, now):
-            return
+        if self.at is not None and not self.on_earth:
+            gone = (at - self.at).horizontal()
+            if gone > JUMP + self._fastest * min(now - self._seen, GAP):
+                self.lose_placement(f"its position jumped by {gone:.1f} m: its odometry began anew")
+                return
         first = self.at is None
         self.at, self._seen, self._yaw = at, now, pose.rotation.yaw + self.placement.yaw
         self._velocity.observe(at, now)
         if first:
             self.others.placements_changed()
 
-    def _has_jumped(self, at: Vector3, now: float) -> bool:
-        """Return whether the position is impossible; the robot's placement is then lost."""
-        assert self.at is not None
-        gone = (at - self.at).horizontal()
-        if gone <= JUMP + self._fastest * min(now - self._seen, GAP):
-            return False
-        self.lose_placement(f"its position jumped by {gone:.1f} m: its odometry began anew")
-        unknown = {"reason": self.lost}
-        self._event_reporter.event(EventKind.SEPARATION, f"separation unknown: {self.lost}", data=unknown)
-        return True
-
     def lose_placement(self, why: str) -> None:
         """Record that the robot is no longer placed, and why; others keep away from its last position."""
         self.lost, self.placement = why, None
         self.others.placements_changed()
+        self._event_reporter.event(EventKind.SEPARATION, f"separation unknown: {why}", data={"reason": why})
 
     @property
     def reach(self) -> float:
