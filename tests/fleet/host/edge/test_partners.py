@@ -53,6 +53,7 @@ class Site:
         endpoint = f"unixsock-stream/{place.runtime}/{place.id}.reports.sock"
         twin = {"twin": "6f0c9a1e-0000-4000-8000-000000000009"}
         own = {**first["robots"][0], **twin, "name": "own", "start": [5, 5, 0]}
+        own["clock_skew"] = 0.01  # one clock: a run may begin right after the stop of the one before
         self.second = {
             **first,
             "edge": {"id": self.barn_id},
