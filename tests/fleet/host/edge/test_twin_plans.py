@@ -114,7 +114,7 @@ async def test_a_repeat_is_the_same_run_also_after_its_end(cloud, requests):
 async def test_pause_and_resume_are_the_runs(cloud, requests):
     run = await flies(cloud, requests)
     answers = cloud.say({"command": "pause", "mission_execution_uuid": RUN})
-    await requests.until(lambda: "stop" in cloud.words())
+    await requests.until(lambda: "stop" in cloud.words() and answers)
     assert answers[0].ok
     assert run.engine.head.phase == "paused"
     assert cloud.reported()[-1] == ("running", "paused")
