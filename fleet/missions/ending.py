@@ -103,6 +103,11 @@ class Ending:
         if self._head.phase is Phase.ENDING:
             self.close(self._head.target or RunOutcome.UNKNOWN, self._head.reason)
             return
+        members = self._robots.members.values()
+        stopped = all(each.outcome is PartOutcome.STOPPED for each in members)
+        if self._head.phase is Phase.HALTING and members and stopped:
+            self.stopped(self._head.reason, now)  # seen robot by robot, before the stop of all was heard
+            return
         self._enter(Phase.UNDOING)
         while self._head.undoable and not self._robots.active():
             self._undo(self._head.undoable.pop(), now)

@@ -244,3 +244,14 @@ def test_a_run_that_is_closed_asks_nothing_more(play):
     run = play(Ask("sure", "Go on?", 30.0))
     run.engine.ending.close(RunOutcome.UNKNOWN, "the edge failed")
     assert run.engine.head.question is None
+
+
+def test_a_run_whose_robots_were_all_stopped_one_by_one_is_aborted_and_nothing_is_undone(play):
+    run = play(do("up", acts=TAKEOFF, undo=LAND), on_failure="undo")
+    for robot in EVERYBODY:
+        run.take(Left(robot, PartOutcome.STOPPED, "emergency stop"))
+    head = run.engine.head
+    assert (head.phase, head.outcome) == (Phase.ENDED, RunOutcome.ABORTED)
+    assert head.reason.startswith("emergency stop: ")
+    assert not [act for _, act in run.begun() if act == "land"]
+    assert set(run.outcomes().values()) == {PartOutcome.STOPPED}
