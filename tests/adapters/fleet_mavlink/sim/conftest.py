@@ -7,10 +7,9 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.ardupilot_modes import MODES as ARDUPILOT_MODES
 from fleet_mavlink.sim.params import encode
-from fleet_mavlink.sim.px4_modes import MODES as PX4_MODES
 from fleet_mavlink.sim.vehicle import SimVehicle
+from tests.adapters.fleet_mavlink.sim.mission_plans import plan, upload
 
 NAN = math.nan
 HOME = (47.397742, 8.545594, 488.0, 0.0)
@@ -124,10 +123,10 @@ class Bench:
         return found
 
     def set_mode(self, name: str) -> list[int]:
-        """Ask for a mode by its name."""
+        """Ask for a mode of this vehicle by its name."""
+        custom = self.pilot.modes[name].custom
         if self.ardupilot:
-            return self.requests(176, 1, ARDUPILOT_MODES[name].custom)
-        custom = PX4_MODES[name].custom
+            return self.requests(176, 1, custom)
         return self.requests(176, 1, custom >> 16 & 0xFF, custom >> 24)
 
     def climb(self, height: float = 10.0) -> None:
@@ -167,6 +166,38 @@ def flying(px4: Bench) -> Bench:
     """Let a PX4 multirotor climb; the tests of other autopilots have a fixture of their own."""
     px4.climb()
     return px4
+
+
+@pytest.fixture
+def ap(bench: Callable[..., Bench]) -> Bench:
+    """Make an ArduCopter on the ground."""
+    return bench("ardupilot")
+
+
+@pytest.fixture
+def plane(bench: Callable[..., Bench]) -> Bench:
+    """Make an ArduPlane, armed on the ground."""
+    it = bench("ardupilot", vehicle="plane")
+    it.run(0.5)
+    assert it.set_mode("GUIDED") == [0]
+    assert it.requests(400, 1) == [0]
+    return it
+
+
+@pytest.fixture
+def flying_plane(plane: Bench) -> Bench:
+    """Let an ArduPlane take off and climb."""
+    assert plane.set_mode("TAKEOFF") == [0]
+    plane.until(lambda: plane.height > 45.0)
+    return plane
+
+
+@pytest.fixture(params=["ardupilot", "px4"])
+def loaded(request: pytest.FixtureRequest, bench: Callable[..., Bench]) -> Bench:
+    """Make a vehicle that has a mission."""
+    made = bench(request.param)
+    upload(made, plan(ardupilot=made.ardupilot))
+    return made
 
 
 @pytest.fixture

@@ -9,11 +9,6 @@ ACCEPTED, FAILED = 0, 4
 
 
 @pytest.fixture
-def ap(bench):
-    return bench("ardupilot")
-
-
-@pytest.fixture
 def flying(ap):
     ap.climb()
     return ap

@@ -5,11 +5,6 @@ import pytest
 ACCEPTED, FAILED = 0, 4
 
 
-@pytest.fixture
-def ap(bench):
-    return bench("ardupilot")
-
-
 def test_arming_is_refused_with_the_reason_until_the_start_is_over(bench):
     ap = bench("ardupilot", ready_after=None)
     ap.run(1.0)

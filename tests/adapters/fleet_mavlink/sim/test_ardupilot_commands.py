@@ -11,11 +11,6 @@ ACCEPTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS = 0, 2, 3, 4, 5
 
 
 @pytest.fixture
-def ap(bench):
-    return bench("ardupilot")
-
-
-@pytest.fixture
 def flying(ap):
     ap.climb()
     return ap

@@ -7,11 +7,6 @@ ACCEPTED, FAILED = 0, 4
 
 
 @pytest.fixture
-def ap(bench):
-    return bench("ardupilot")
-
-
-@pytest.fixture
 def flying(ap):
     ap.climb()
     return ap

@@ -10,11 +10,6 @@ ACCEPTED = 0
 
 
 @pytest.fixture
-def ap(bench):
-    return bench("ardupilot")
-
-
-@pytest.fixture
 def flying(ap):
     ap.climb()
     return ap

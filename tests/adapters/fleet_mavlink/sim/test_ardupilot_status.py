@@ -1,12 +1,6 @@
 """Health of ArduPilot as it reports it."""
 
-import pytest
 from pymavlink.dialects.v20 import all as mav
-
-
-@pytest.fixture
-def ap(bench):
-    return bench("ardupilot")
 
 
 def test_the_status_goes_by_being_landed(ap):

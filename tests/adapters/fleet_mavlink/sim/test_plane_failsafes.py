@@ -5,27 +5,11 @@ import math
 import pytest
 
 ACCEPTED = 0
-MODES = {"RTL": 11, "TAKEOFF": 13, "GUIDED": 15}
-
-
-def enters(it, name):
-    return it.requests(176, 1, MODES[name])
 
 
 @pytest.fixture
-def plane(bench):
-    it = bench("ardupilot", vehicle="plane")
-    it.run(0.5)
-    assert enters(it, "GUIDED") == [ACCEPTED]
-    assert it.requests(400, 1) == [ACCEPTED]
-    return it
-
-
-@pytest.fixture
-def flying(plane):
-    assert enters(plane, "TAKEOFF") == [ACCEPTED]
-    plane.until(lambda: plane.height > 45.0)
-    return plane
+def flying(flying_plane):
+    return flying_plane
 
 
 def test_a_plane_without_its_station_flies_home_and_circles_there(flying):

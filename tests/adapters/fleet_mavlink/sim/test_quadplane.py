@@ -7,20 +7,6 @@ import pytest
 from fleet_mavlink.sim.mission_items import Item
 
 ACCEPTED = 0
-MODES = {"AUTO": 10, "LOITER": 12, "GUIDED": 15, "QLOITER": 19, "QLAND": 20}
-
-
-def enters(it, name):
-    return it.requests(176, 1, MODES[name])
-
-
-@pytest.fixture
-def plane(bench):
-    it = bench("ardupilot", vehicle="plane")
-    it.run(0.5)
-    assert enters(it, "GUIDED") == [ACCEPTED]
-    assert it.requests(400, 1) == [ACCEPTED]
-    return it
 
 
 @pytest.fixture
@@ -28,7 +14,7 @@ def hovering(bench):
     it = bench("ardupilot", vehicle="vtol")
     it.run(0.5)
     it.set_param("Q_GUIDED_MODE", 1)
-    enters(it, "GUIDED")
+    it.set_mode("GUIDED")
     assert it.requests(400, 1) == [ACCEPTED]
     assert it.requests_int(22, 7, (0, 0, 0, 0), 0.0, 0.0, -30.0) == [ACCEPTED]
     it.until(lambda: it.height > 29.5)
@@ -44,19 +30,19 @@ def test_a_quadplane_tells_forward_flight_on_the_ground_and_its_hover_in_the_air
 
 def test_a_hovering_quadplane_sinks_in_qloiter_without_a_stick(hovering):
     before = hovering.height
-    enters(hovering, "QLOITER")
+    hovering.set_mode("QLOITER")
     hovering.run(4.0)
     assert before - hovering.height > 7.0
 
 
 def test_a_hovering_quadplane_stands_in_guided_if_it_is_set_so_and_else_flies_forward(hovering):
-    enters(hovering, "QLOITER")
-    enters(hovering, "GUIDED")
+    hovering.set_mode("QLOITER")
+    hovering.set_mode("GUIDED")
     hovering.run(10.0)
     assert hovering.body.speed < 0.5
-    enters(hovering, "QLOITER")
+    hovering.set_mode("QLOITER")
     hovering.set_param("Q_GUIDED_MODE", 0)
-    enters(hovering, "GUIDED")
+    hovering.set_mode("GUIDED")
     hovering.run(10.0)
     assert hovering.body.speed > 10.0
     assert hovering.pilot.vtol_state() == 4
@@ -107,11 +93,11 @@ def test_its_stopping_distance_is_that_of_its_parameters(hovering):
 
 
 def test_guided_from_its_wings_stops_at_its_stopping_point(hovering):
-    enters(hovering, "LOITER")
+    hovering.set_mode("LOITER")
     hovering.run(30.0)
     speed = hovering.body.speed
     before = hovering.body.north, hovering.body.east
-    enters(hovering, "GUIDED")
+    hovering.set_mode("GUIDED")
     hovering.run(40.0)
     assert hovering.body.speed < 0.5
     went = math.dist(before, (hovering.body.north, hovering.body.east))
@@ -122,7 +108,7 @@ def test_guided_again_keeps_what_it_does(hovering):
     goes(hovering, 60.0)
     hovering.run(2.0)
     flown = hovering.pilot.manoeuvre
-    enters(hovering, "GUIDED")
+    hovering.set_mode("GUIDED")
     assert hovering.pilot.manoeuvre is flown
     hovering.pilot.enter(hovering.pilot.modes["GUIDED"])
     assert hovering.pilot.manoeuvre is flown
@@ -142,7 +128,7 @@ def test_its_rotors_fly_at_their_own_speed_whatever_is_asked_for(hovering):
 
 
 def test_it_lands_with_its_rotors_and_disarms(hovering):
-    enters(hovering, "QLAND")
+    hovering.set_mode("QLAND")
     hovering.until(lambda: hovering.body.grounded, 90.0)
     assert hovering.until(lambda: not hovering.pilot.armed) == pytest.approx(2.0, abs=0.3)
     assert hovering.height == 0.0
@@ -151,9 +137,9 @@ def test_it_lands_with_its_rotors_and_disarms(hovering):
 
 
 def test_armed_in_guided_after_a_landing_it_says_that_it_flies(hovering):
-    enters(hovering, "QLAND")
+    hovering.set_mode("QLAND")
     hovering.until(lambda: not hovering.pilot.armed, 90.0)
-    enters(hovering, "GUIDED")
+    hovering.set_mode("GUIDED")
     assert hovering.pilot.land_detector.state() == 1
     assert hovering.requests(400, 1) == [ACCEPTED]
     assert hovering.pilot.land_detector.state() == 2
@@ -170,6 +156,6 @@ def test_it_is_not_armed_in_auto_without_a_take_off_in_its_mission(bench):
         (Item(3, 84, 1, *zeros, 0, 0, 30.0), []),
     ):
         it.pilot.missions._plans[0] = [home, item]
-        enters(it, "AUTO")
+        it.set_mode("AUTO")
         assert it.pilot.arming.refusals(force=False) == refusals
         assert it.pilot.arming.refusals(force=True) == []

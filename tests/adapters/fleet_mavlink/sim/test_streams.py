@@ -11,11 +11,6 @@ from fleet_mavlink.sim.streams import BUILDERS, SimStreams
 ACCEPTED, DENIED = 0, 2
 
 
-@pytest.fixture
-def ap(bench):
-    return bench("ardupilot")
-
-
 def test_only_heartbeats_and_texts_come_unasked(ap):
     ap.run(30)
     assert {m.get_type() for m in ap.heard} == {"HEARTBEAT", "STATUSTEXT", "HOME_POSITION"}
