@@ -156,7 +156,7 @@ class MqttConnection:
             self._dispatch_again(self._follow_up)
         if more or self._failure is not None or self._session.owes_reply or not self.ready.done():
             self._loop.call_soon(self._conclude)
-        elif self._session.answers:  # acknowledgements alone: too many to wait a turn of the loop for each
+        elif self._session.answers:  # only acknowledgements: thousands a second, which need no turn each
             self.spaced(self.flush)
 
     def _writable(self) -> None:

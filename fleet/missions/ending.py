@@ -103,9 +103,7 @@ class Ending:
         if self._head.phase is Phase.ENDING:
             self.close(self._head.target or RunOutcome.UNKNOWN, self._head.reason)
             return
-        members = self._robots.members.values()
-        stopped = all(each.outcome is PartOutcome.STOPPED for each in members)
-        if self._head.phase is Phase.HALTING and members and stopped:
+        if self._head.phase is Phase.HALTING and self._all_stopped():
             self.stopped(self._head.reason, now)  # seen robot by robot, before the stop of all was heard
             return
         self._enter(Phase.UNDOING)
@@ -113,6 +111,11 @@ class Ending:
             self._undo(self._head.undoable.pop(), now)
         if not self._robots.active():
             self.close(RunOutcome.UNDONE, self._head.reason)
+
+    def _all_stopped(self) -> bool:
+        """Return whether an emergency stop took every robot out of the run: nobody is left to undo a step."""
+        members = self._robots.members.values()
+        return bool(members) and all(each.outcome is PartOutcome.STOPPED for each in members)
 
     def close(self, outcome: RunOutcome, reason: str) -> None:
         """Enter the terminal state."""

@@ -18,6 +18,7 @@ from fleet.errors import CommandError, LinkError
 from fleet.host.requests.event_reporter import EventReporter
 from fleet.host.robot.measured_velocity import GAP, MeasuredVelocity
 from fleet.host.safety.separation import (
+    DEFAULT_BRAKING,
     Occupant,
     admitted,
     distance_since,
@@ -179,7 +180,7 @@ class SeparationKeeper:
         """Apply a changed configuration from the next check on."""
         separation = config.separation.over(self._usual)
         self._radius = separation.radius or 1.0
-        self._braking = separation.braking or 0.5
+        self._braking = separation.braking or DEFAULT_BRAKING
         self._rank = float(separation.precedence or 0)
         self._fastest = max(limits.speed or NO_LIMIT, limits.vertical_speed or 0.0)
         soon = self._fastest * 2 * STALE

@@ -27,6 +27,7 @@ FRESH = 1.0  # s for which a reported position is taken as exact
 LONGEST = 10.0  # s of continued motion that are assumed at most for a silent robot
 ASTRAY = 0.3  # m/s across its path, beyond position noise and a turn towards the path
 STILL = 0.1  # m/s and below: the robot stands, the rest is position noise
+DEFAULT_BRAKING = 0.5  # m/s2 of a robot for which neither its configuration nor its adapter declares it
 SLACK = 0.01  # m of tolerance in comparing distances
 ARC = 3  # straight pieces that approximate an arc
 _STEPS = 6  # bisection steps in the search for the admitted share of a velocity
@@ -39,7 +40,7 @@ class Occupant(msgspec.Struct, frozen=True):
     ``velocity`` (m/s) is measured, ``requested`` is requested and turns with ``turn`` (rad/s).
     ``braking`` is the deceleration (m/s2) that it surely reaches.
     ``age`` is seconds since its last position. ``moves``: its edge moves it. Of two that are in each
-    other's route the one with the lower ``precedence`` gives route; of equals, the later name.
+    other's way, the one with the lower ``precedence`` gives way; of equals, the later name.
     """
 
     name: str

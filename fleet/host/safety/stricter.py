@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 from fleet.config.difference import SETTINGS
+from fleet.host.safety.separation import DEFAULT_BRAKING
 from fleet.host.safety.source_policy import SourcePolicy
 from fleet.model.polygon import Polygon, crosses, polygon_contains
 from fleet.robot_config import Accepts, AdapterConfig, BatteryPolicy, FenceConfig, Limits, Separation
@@ -105,7 +106,7 @@ def weaker_braking(old: float | None, new: float | None) -> float | None:
     """Return the smaller deceleration (m/s2); if only one is left out, it counts as the default."""
     if old is None and new is None:
         return None
-    return min(old or 0.5, new or 0.5)
+    return min(old or DEFAULT_BRAKING, new or DEFAULT_BRAKING)
 
 
 def _battery(old: BatteryPolicy | None, new: BatteryPolicy | None) -> BatteryPolicy | None:
