@@ -15,15 +15,14 @@ import msgspec
 
 from fleet.bus import keys
 from fleet.bus.zenoh_session import Query, ZenohSession
-from fleet.clock import Clock
 from fleet.config.difference import SETTINGS, difference, outline_of, shown_by
 from fleet.config.explain import checked
 from fleet.config.load import Loaded, load
 from fleet.config.loaded_robots import with_configs, with_robot, without_robot
 from fleet.config.problems import InvalidConfig
-from fleet.errors import FleetError, StateError
+from fleet.errors import FleetError
 from fleet.host.edge.changes_elsewhere import WorkerFileChanges, ended, waits
-from fleet.host.edge.last_configuration import keep
+from fleet.host.edge.last_configuration import LastConfigurationFile
 from fleet.host.edge.member_rules import groups_blocker, membership_refusal
 from fleet.host.edge.membership import Membership, RobotRegistrations
 from fleet.host.edge.shown_configuration import shown_configuration
@@ -81,14 +80,13 @@ class ConfigurationChanges:
     ) -> None:
         self._running = loaded
         self._process, self._remote, self._workers = process, remote, workers
-        self._folder, self._configured = folder, tuple(configured)
+        self._file, self._configured = LastConfigurationFile(folder, process.clock), tuple(configured)
         self._section_blocker = blocker
         self._stops = StopsDuringChange(process)
         self._membership = Membership(process, followers, self._stops, members)
         self._registrations, self._groups = followers, groups
         self._wider: Mapping[str, Iterable[str]] = {}  # groups of a new file that is not applied yet
         self._worker_changes = WorkerFileChanges(workers, remote)
-        self._clock: Clock = process.clock
         self._under_way: asyncio.Task[None] | None = None
 
     def declare(self, control: ZenohSession) -> None:
@@ -102,7 +100,7 @@ class ConfigurationChanges:
 
     async def begin(self) -> None:
         """Write the running configuration to disk."""
-        await self._keep()
+        await self._file.write(self._running)
 
     async def close(self) -> None:
         """Cancel a change in progress: the edge ends, and its next start reads the file."""
@@ -155,7 +153,7 @@ class ConfigurationChanges:
             )
             return ChangesAnswer(tuple(planned), file, warnings=tuple(map(str, new.warnings)))
         changes = await self._apply(found, new, requested)
-        await self._keep()
+        await self._file.write(self._running)
         return ChangesAnswer(changes, file)
 
     # -- dry run ---------------------------------------------------------------------------------------
@@ -342,14 +340,6 @@ class ConfigurationChanges:
         replace_groups(self._groups, groups)
         if silent := await self._workers.regroup(groups):
             log.warning("%s: stops of its new groups reach it by the edge", silent)
-
-    async def _keep(self) -> None:
-        """Write the running configuration to disk; a failure is only logged."""
-        running, stamp = self._running, self._clock.time()
-        try:
-            await asyncio.to_thread(lambda: keep(self._folder, outline_of(running), stamp))
-        except StateError as error:
-            log.warning("the running configuration is not stored for fleet diff: %s", error)
 
 
 def _record(process: RobotProcess, change: Change, requested: ChangesRequest) -> None:

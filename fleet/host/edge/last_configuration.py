@@ -6,6 +6,7 @@ value. It is written completely or not at all.
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import os
 import secrets
@@ -13,7 +14,9 @@ from pathlib import Path
 
 import msgspec
 
-from fleet.config.difference import ComparedFile
+from fleet.clock import Clock
+from fleet.config.difference import ComparedFile, outline_of
+from fleet.config.load import Loaded
 from fleet.errors import StateError
 from fleet.runtime.decoding import decode_json
 from fleet.runtime.state_format import format_of, refuse_newer
@@ -34,6 +37,26 @@ class LastConfiguration(msgspec.Struct, frozen=True):
     stamp: float
     key: str
     outline: ComparedFile
+
+
+class LastConfigurationFile:
+    """Writes the running configuration of an edge to disk, one write at a time; the latest one stays.
+
+    The one of the start can take seconds on a slow disk, so that a change can end before it.
+    """
+
+    def __init__(self, folder: Path, clock: Clock) -> None:
+        self._folder, self._clock = folder, clock
+        self._turn = asyncio.Lock()  # in order of the calls
+
+    async def write(self, running: Loaded) -> None:
+        """Write a configuration; a failure is only logged."""
+        stamp = self._clock.time()
+        try:
+            async with self._turn:
+                await asyncio.to_thread(lambda: keep(self._folder, outline_of(running), stamp))
+        except StateError as error:
+            log.warning("the running configuration is not stored for fleet diff: %s", error)
 
 
 def keep(folder: Path, outline: ComparedFile, stamp: float) -> None:

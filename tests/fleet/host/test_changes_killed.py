@@ -41,14 +41,17 @@ import asyncio, importlib, os, pathlib, signal, sys
 from fleet.clock import SystemClock
 from fleet.config.load import load
 from fleet.host.edge.edge import Edge
+from fleet.host.edge.last_configuration import FILE
 from fleet.host.requests.stop_cause import local_cause
+from fleet.spool.state_folder import state_folder
 
 file, runtime, step = sys.argv[1:]
 
 async def main():
     edge = Edge(load(pathlib.Path(file)), directory=pathlib.Path(runtime), clock=SystemClock())
     running = asyncio.create_task(edge.run(asyncio.Event()))
-    while not all(state.health == "ok" for state in edge.states()):
+    written = state_folder(edge.process.edge, edge._config.edge.spool.path) / FILE
+    while not (written.exists() and all(state.health == "ok" for state in edge.states())):
         await asyncio.sleep(0.05)
     await asyncio.to_thread(edge.process.stop_robots, ("max",), local_cause("", "test"))
     if step:

@@ -1,6 +1,7 @@
 """A simulated board behind a device file: bytes both ways, and a cable that is pulled and put back."""
 
 import asyncio
+import contextlib
 import os
 
 import pytest
@@ -45,11 +46,20 @@ def is_there(port):
     return os.path.lexists(port.path)
 
 
-def read(descriptor):
+async def received(descriptor, ending):
+    """Read until ``ending`` has come: the kernel passes bytes through a terminal in its own time."""
+    loop, data, readable = asyncio.get_running_loop(), b"", asyncio.Event()
+    loop.add_reader(descriptor, readable.set)
     try:
-        return os.read(descriptor, 4096)
-    except BlockingIOError:
-        return b""
+        async with asyncio.timeout(10):
+            while not data.endswith(ending):
+                await readable.wait()
+                readable.clear()
+                with contextlib.suppress(BlockingIOError):
+                    data += os.read(descriptor, 4096)
+    finally:
+        loop.remove_reader(descriptor)
+    return data
 
 
 async def test_a_link_to_it_has_its_baud_rate(port, tmp_path):
@@ -58,17 +68,14 @@ async def test_a_link_to_it_has_its_baud_rate(port, tmp_path):
 
 async def test_what_is_written_is_answered_by_the_board(port, client):
     os.write(client, b"go\r")
-    for _ in range(3):
-        await asyncio.sleep(0)
-    assert read(client) == b"GO\r"
+    assert await received(client, b"\r") == b"GO\r"
 
 
 async def test_what_the_board_says_by_itself_comes_with_its_steps(port, client):
-    port.step()
-    assert read(client) == b""
+    port.step()  # without news
     port.board.news = b"\x00\r\n\x03\xff"  # as it is: the line is raw
     port.step()
-    assert read(client) == b"\x00\r\n\x03\xff"
+    assert await received(client, b"\xff") == b"\x00\r\n\x03\xff"
 
 
 async def test_a_program_that_leaves_and_comes_back_finds_it_again(port):
@@ -76,7 +83,7 @@ async def test_a_program_that_leaves_and_comes_back_finds_it_again(port):
         descriptor = os.open(port.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         port.board.news = b"hello"
         port.step()
-        assert read(descriptor) == b"hello"
+        assert await received(descriptor, b"o") == b"hello"
         os.close(descriptor)
 
 
@@ -84,11 +91,11 @@ async def test_what_nobody_reads_is_lost_and_stops_nothing(port, client):
     port.board.news = b"x" * 4096
     for _ in range(50):
         port.step()
-    while read(client):
-        pass
+    lost = 50 * 4096 - len(await received(client, b"x"))
+    assert lost > 0
     port.board.news = b"new"
     port.step()
-    assert read(client) == b"new"
+    assert (await received(client, b"new")).strip(b"x") == b"new"
 
 
 async def test_without_its_cable_there_is_no_device_and_the_board_lives_on(port, client):
@@ -116,7 +123,7 @@ async def test_a_cable_comes_back_after_its_time(port, monkeypatch):
     port.board.news = b"back"
     descriptor = os.open(port.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     port.step()
-    assert read(descriptor) == b"back"
+    assert await received(descriptor, b"k") == b"back"
     os.close(descriptor)
 
 

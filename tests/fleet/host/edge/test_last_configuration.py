@@ -1,12 +1,16 @@
 """What an edge last ran with is kept whole, without a secret in it, and read by its format."""
 
+import asyncio
 import json
+import threading
 
 import pytest
 
+from fleet.clock import SystemClock
 from fleet.config.difference import ComparedFile, difference, not_shown
 from fleet.errors import StateError, StateNewer
-from fleet.host.edge.last_configuration import FILE, keep, last_configuration
+from fleet.host.edge import last_configuration as module
+from fleet.host.edge.last_configuration import FILE, LastConfigurationFile, keep, last_configuration
 from fleet.model.change import ChangeKind
 
 OUTLINE = ComparedFile("yard", {"cloud": {"token": '"cw_secret"'}}, {"rex": {"twin": '"1"', "pin": '"4711"'}})
@@ -52,3 +56,32 @@ def test_a_folder_that_cannot_be_written_is_reported(tmp_path):
     (tmp_path / "taken").write_text("")
     with pytest.raises(StateError):
         keep(tmp_path / "taken", OUTLINE, 12.0)
+
+
+async def test_the_later_of_two_configurations_stays_however_slow_the_disk(tmp_path, monkeypatch):
+    begun, disk = threading.Event(), threading.Event()
+
+    def outline(running):
+        if running == "first":
+            begun.set()
+            assert disk.wait(10)
+        return ComparedFile(running, {}, {})
+
+    monkeypatch.setattr(module, "outline_of", outline)
+    file = LastConfigurationFile(tmp_path, SystemClock())
+    first = asyncio.create_task(file.write("first"))
+    assert await asyncio.to_thread(begun.wait, 10)
+    second = asyncio.create_task(file.write("second"))
+    done, _ = await asyncio.wait({second}, timeout=0.1)  # without an order it ends before the first
+    disk.set()
+    await asyncio.gather(first, second)
+    key = last_configuration(tmp_path).key.encode()
+    assert last_configuration(tmp_path).outline == ComparedFile("second", {}, {}).digest(key)
+    assert not done
+
+
+async def test_a_write_that_fails_is_only_logged(tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr(module, "outline_of", lambda _: OUTLINE)
+    (tmp_path / "taken").write_text("")
+    await LastConfigurationFile(tmp_path / "taken", SystemClock()).write("any")
+    assert "is not stored for fleet diff" in caplog.text
