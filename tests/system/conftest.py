@@ -301,6 +301,13 @@ def bases(tmp_path: Path) -> Iterator[BasesThread]:
         yield bases
 
 
+@pytest.fixture(scope="module")
+def shared_bases(shared_folder: Path) -> Iterator[BasesThread]:
+    """Make simulated bases for all tests of a module."""
+    with BasesThread(shared_folder) as bases:
+        yield bases
+
+
 @contextlib.contextmanager
 def runtime_folder() -> Iterator[str]:
     """Make a short directory for the sockets of the bus."""
@@ -356,6 +363,12 @@ def subscriber() -> Iterator[Callable[..., Subscriber]]:
     """Make MQTT clients that are closed after the test."""
     with subscribers() as make:
         yield make
+
+
+@pytest.fixture(scope="module")
+def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Make a folder for all tests of a module."""
+    return tmp_path_factory.mktemp("shared")
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,7 @@ from cyberwave.data.config import get_backend
 from cyberwave.mqtt import CyberwaveMQTTClient
 from cyberwave_contracts import MODELS_BY_CONTRACT_ID
 
+from tests.system.conftest import subscribers
 from tests.tools.command_client import PUPPETS
 from tests.tools.sdk import end
 from tests.tools.waiting import wait_until
@@ -35,7 +36,7 @@ class Outside:
 
     def __init__(self, edge, subscriber, broker, folder):
         self.edge = edge
-        self.subscriber = subscriber
+        self.subscriber = subscriber  # from before the edge's start
         self.cloud = subscriber.pilot(TWIN)
         self.sdk = CyberwaveMQTTClient("127.0.0.1", broker.port, api_key="cw_test", source_type="tele")
         self.sdk.connect()
@@ -57,8 +58,8 @@ class Outside:
         self.backend.close()
 
 
-@pytest.fixture
-def outside(fleet, subscriber, foreign_broker, tmp_path, monkeypatch):
+@pytest.fixture(scope="module")
+def outside(shared_fleet, shared_foreign_broker, shared_folder):
     """Run an edge with one robot that does what it is told, and stand on both sides of it."""
     robot = {"name": "rex", "twin": TWIN, "adapter": "puppet", "worker": "main", "rate": 20}
     config = {
@@ -66,24 +67,25 @@ def outside(fleet, subscriber, foreign_broker, tmp_path, monkeypatch):
         "plugins": [str(PUPPETS)],
         "cloud": {
             "host": "127.0.0.1",
-            "port": foreign_broker.port,
+            "port": shared_foreign_broker.port,
             "tls": False,
             "environments": [PLACE],
             "rules": {"depth": {"layout": "string"}},
         },
-        "robots": [{**robot, "journal": str(tmp_path / "journal")}],
+        "robots": [{**robot, "journal": str(shared_folder / "journal")}],
     }
-    (tmp_path / "fleet.yaml").write_text(json.dumps(config))
-    listener = subscriber("127.0.0.1", foreign_broker.port, "#")
-    running = fleet("run", "--json", folder=tmp_path)
-    running.robot("rex", "is well", lambda state: state["health"] == "ok")
-    runtime = running.environment["FLEET_RUNTIME_DIR"]
-    monkeypatch.setenv("ZENOH_CONNECT", f"unixsock-stream/{runtime}/yard.reports.sock")
-    monkeypatch.setenv("ZENOH_MODE", "client")
-    outside = Outside(running, listener, foreign_broker, tmp_path)
-    outside.cloud.wait_for("position", "the bridge is in", bool)
-    yield outside
-    outside.close()
+    (shared_folder / "fleet.yaml").write_text(json.dumps(config))
+    with subscribers() as subscriber, pytest.MonkeyPatch.context() as patch:
+        listener = subscriber("127.0.0.1", shared_foreign_broker.port, "#")
+        running = shared_fleet("run", "--json", folder=shared_folder)
+        running.robot("rex", "is well", lambda state: state["health"] == "ok")
+        runtime = running.environment["FLEET_RUNTIME_DIR"]
+        patch.setenv("ZENOH_CONNECT", f"unixsock-stream/{runtime}/yard.reports.sock")
+        patch.setenv("ZENOH_MODE", "client")
+        outside = Outside(running, listener, shared_foreign_broker, shared_folder)
+        outside.cloud.wait_for("position", "the bridge is in", bool)
+        yield outside
+        outside.close()
 
 
 def test_the_sdk_asks_a_robot_with_one_answer_and_every_message_keeps_the_contract(outside):
@@ -97,7 +99,7 @@ def test_the_sdk_asks_a_robot_with_one_answer_and_every_message_keeps_the_contra
     answer = outside.sdk.request_command(TWIN, "poke", {"number": 1}, source_type="tele", timeout_s=30.0)
     MODELS_BY_CONTRACT_ID["twin.command_response.v1"].model_validate(answer)
     assert (answer["status"], answer["command"], answer["twin_uuid"]) == ("accepted", "poke", TWIN)
-    wait_until("it was done", lambda: "poke" in outside.done())
+    wait_until("it was done", lambda: outside.done().count("poke") == 1)
     answer = outside.sdk.request_command(TWIN, "poke", {"number": 2}, source_type="edit", timeout_s=30.0)
     assert (answer["status"], "tele" in answer["reason"]) == ("rejected", True)
     assert outside.done().count("poke") == 1
@@ -129,6 +131,7 @@ def test_what_is_for_somebody_else_or_is_no_request_moves_nothing_and_is_reporte
         {"timestamp": time.time() - 3600},
         {"data": {"number": "1"}},
     ]
+    done = outside.done().count("poke")
     for more in wrong:
         before = len(outside.cloud.answers("poke"))
         outside.cloud.publish("command", command="poke", **{"data": {"number": 1}, **more})
@@ -142,10 +145,11 @@ def test_what_is_for_somebody_else_or_is_no_request_moves_nothing_and_is_reporte
         "navigate/status", "the goal failed", lambda each: each["action_id"] == "a1"
     )
     assert failed["status"] == "failed"
-    assert "poke" not in outside.done()
+    assert outside.done().count("poke") == done
     session = outside.cloud.of("position")[-1]["session_id"]
     outside.cloud.publish("command", command="emergency_stop", data={"copy": {"session_id": session}})
     outside.edge.robot("rex", "is stopped", lambda state: state.get("emergency_stop"))
+    assert outside.cloud.command("release_emergency_stop")["status"] == "ok"
 
 
 def test_what_programs_on_the_bus_say_in_the_published_forms_reaches_the_cloud_whole(outside):

@@ -58,24 +58,32 @@ class Operator:
             raise
 
 
-@pytest.fixture
-def operator(fleet, subscriber, broker, tmp_path, monkeypatch):
-    monkeypatch.setenv("CYBERWAVE_SDK_AUTO_ATTACH_CONTROLLER", "0")
+@pytest.fixture(scope="module")
+def yard(shared_fleet, shared_broker, shared_folder):
+    """Run a dog in physics for all tests of it; gives the broker's port."""
     dog = {"name": "rex", "twin": TWIN, "adapter": "quadruped", "link": "sim:mujoco"}
     accepts = {"command": ["tele"], "navigate": ["tele"]}
     file = {
         "edge": {"id": "yard"},
-        "cloud": {"host": "127.0.0.1", "port": broker.port, "tls": False},
+        "cloud": {"host": "127.0.0.1", "port": shared_broker.port, "tls": False},
         "robots": [dog | {"accepts": accepts}],
     }
-    (tmp_path / "fleet.yaml").write_text(json.dumps(file))
-    listener = subscriber("127.0.0.1", broker.port, f"cyberwave/twin/{TWIN}/#")
-    fleet("run", "--json", folder=tmp_path).robot("rex", "is well", lambda state: state["health"] == "ok")
+    (shared_folder / "fleet.yaml").write_text(json.dumps(file))
+    running = shared_fleet("run", "--json", folder=shared_folder)
+    running.robot("rex", "is well", lambda state: state["health"] == "ok")
+    return shared_broker.port
+
+
+@pytest.fixture
+def operator(yard, subscriber, monkeypatch):
+    """Connect a person to the dog, which is where the test before has left it."""
+    monkeypatch.setenv("CYBERWAVE_SDK_AUTO_ATTACH_CONTROLLER", "0")
+    listener = subscriber("127.0.0.1", yard, f"cyberwave/twin/{TWIN}/#")
     client = Cyberwave(
         base_url="http://127.0.0.1:9",
         api_key="cw_test",
         mqtt_host="127.0.0.1",
-        mqtt_port=broker.port,
+        mqtt_port=yard,
         topic_prefix="",
     )
     client.mqtt.connect()

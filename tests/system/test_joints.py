@@ -14,14 +14,14 @@ LEADER, FOLLOWER = "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7b81", "6f0c9a1e-3b1d-4c52-9
 JOINTS = "joint:update"
 
 
-@pytest.fixture
-def pair(fleet, bases, broker, subscriber, tmp_path):
-    """Run a leader and its follower; gives both pilots and the follower's board."""
-    ports = [bases.add("waveshare-beast") for _ in range(2)]
+@pytest.fixture(scope="module")
+def board(shared_fleet, shared_bases, shared_broker, shared_folder):
+    """Run a leader and its follower for all tests, which leave both standing; gives the follower's board."""
+    ports = [shared_bases.add("waveshare-beast") for _ in range(2)]
     base = {"adapter": "ugv", "profile": "waveshare-beast", "module": "pan-tilt"}
     file = {
         "edge": {"id": "yard"},
-        "cloud": {"host": "127.0.0.1", "port": broker.port, "tls": False},
+        "cloud": {"host": "127.0.0.1", "port": shared_broker.port, "tls": False},
         "robots": [
             {**base, "name": "mast", "twin": LEADER, "role": "leader", "link": ports[0].url},
             {
@@ -35,20 +35,26 @@ def pair(fleet, bases, broker, subscriber, tmp_path):
             },
         ],
     }
-    (tmp_path / "fleet.yaml").write_text(json.dumps(file))
-    listener = subscriber("127.0.0.1", broker.port, "cyberwave/#")
-    running = fleet("run", "--json", folder=tmp_path)
+    (shared_folder / "fleet.yaml").write_text(json.dumps(file))
+    running = shared_fleet("run", "--json", folder=shared_folder)
     for name in ("mast", "beast"):
         running.robot(name, "is well", lambda state: state["health"] == "ok")
-    follower = listener.pilot(FOLLOWER)
-    follower.wait_for(JOINTS, "its joints are told", lambda message: "pan" in message["positions"])
-    return listener.pilot(LEADER), follower, ports[1].board
+    return ports[1].board
 
 
 @pytest.fixture
-def bus(pair, runtime, monkeypatch):
+def pair(board, shared_broker, subscriber):
+    """Listen from now on; gives the pilots of leader and follower, and the follower's board."""
+    listener = subscriber("127.0.0.1", shared_broker.port, "cyberwave/#")
+    follower = listener.pilot(FOLLOWER)
+    follower.wait_for(JOINTS, "its joints are told", lambda message: "pan" in message["positions"])
+    return listener.pilot(LEADER), follower, board
+
+
+@pytest.fixture
+def bus(pair, shared_runtime, monkeypatch):
     """Join as a program on the edge's computer; gives the follower's part of the bus."""
-    monkeypatch.setenv("ZENOH_CONNECT", f"unixsock-stream/{runtime}/yard.reports.sock")
+    monkeypatch.setenv("ZENOH_CONNECT", f"unixsock-stream/{shared_runtime}/yard.reports.sock")
     monkeypatch.setenv("ZENOH_MODE", "client")
     backend = get_backend()
     yield DataBus(backend, twin_uuid=FOLLOWER)
@@ -82,10 +88,11 @@ def refused(pilot, why):
 
 def test_a_follower_goes_where_its_leader_is_once_asked_and_a_stop_ends_it(pair):
     leader, follower, board = pair
+    before = board.camera
     assert leader.command("camera_servo", pan=0.6, tilt=0.3)["status"] == "ok"
     leader.wait_for(JOINTS, "the leader is there", lambda it: it["positions"].get("pan", 0.0) > 0.55)
     assert {each["source_type"] for each in leader.of(JOINTS)} == {"edge_leader"}
-    assert board.camera == (0.0, 0.0)  # nobody asked for it to be followed
+    assert board.camera == before  # nobody asked for it to be followed
     assert follower.command("follow_leader")["status"] == "ok"
     wait_until("the follower is there", lambda: abs(pan(board) - 0.6) < 0.06)
     assert math.radians(board.camera[1]) == pytest.approx(0.3, abs=0.06)
@@ -176,9 +183,10 @@ def test_a_leader_is_not_led_by_its_own_state(pair):
 
 def test_a_program_on_the_bus_leads_joints_by_arrays(pair, bus):
     _, _, board = pair
+    goal = pan(board) - 0.4
 
     def led():
-        bus.publish("commands/joint_positions", {"names": ["pan", "tilt"], "positions": [0.4, 0.2]})
-        return abs(pan(board) - 0.4) < 0.05
+        bus.publish("commands/joint_positions", {"names": ["pan", "tilt"], "positions": [goal, 0.2]})
+        return abs(pan(board) - goal) < 0.05
 
     wait_until("it is led by the bus", led)
