@@ -36,6 +36,7 @@ MISSION = {
         {"id": "home", "do": {"eye": "land", "feet": {"goto": [0, -8]}}},
     ],
     "on_failure": "undo",
+    "on_restart": "fail",
 }
 WALK = {"do": {"dog": {"goto": [1.0, -12]}}, "id": "walk"}
 WITH_A_DOG = {
@@ -52,6 +53,7 @@ WITH_A_DOG = {
     ],
 }
 pytestmark = pytest.mark.real_time
+ROBOTS = ("kestrel", "beast", "rex")
 TERMINAL = {"completed", "completed_with_losses", "failed", "undone", "undo_failed", "aborted", "unknown"}
 
 
@@ -59,40 +61,31 @@ def _ready(state):
     return state["health"] == "ok" and "site" in state
 
 
-@pytest.fixture
-def yard(fleet, tmp_path):
-    """Run an edge with a drone and a wheeled robot, both simulated, that are ready for a mission."""
-    return run_yard(fleet, tmp_path, MISSION)
-
-
-@pytest.fixture
-def yard_with_a_dog(fleet, tmp_path):
-    """Run the same with a quadruped."""
-    dog = {"name": "rex", "adapter": "quadruped", "link": "sim:kinematic", "start": [0, -12, 0]}
-    return run_yard(fleet, tmp_path, WITH_A_DOG, dog)
-
-
-def run_yard(fleet, tmp_path, mission, *more):
-    """Run an edge, and wait until all its robots are ready."""
+@pytest.fixture(scope="module")
+def yard(shared_fleet, shared_folder):
+    """Run an edge with a drone, a wheeled robot and a quadruped, all simulated, for all tests of missions."""
     latitude, longitude, altitude = 47.397742, 8.545594, 488.0
     home = f"home={latitude},{longitude},{altitude:g},0"
+    base = {"adapter": "ugv", "profile": "waveshare-beast", "link": "sim:waveshare-beast"}
     robots = [
         {"name": "kestrel", "adapter": "mavlink", "link": f"sim:px4?{home}"},
-        {"name": "beast", "adapter": "ugv", "profile": "waveshare-beast", "link": "sim:waveshare-beast"},
+        {"name": "beast", **base, "start": [0, -8, 0]},
+        {"name": "rex", "adapter": "quadruped", "link": "sim:kinematic", "start": [0, -12, 0]},
     ]
-    robots[1]["start"] = [0, -8, 0]
-    robots += more
-    missions = {policy: {**mission, "on_restart": policy} for policy in ("fail", "hold_and_ask", "continue")}
+    policies = ("fail", "hold_and_ask", "continue")
     config = {
         "edge": {"id": f"yard-{uuid.uuid4().hex[:6]}", "spool": {"path": "state"}},
         "site": {"origin": [latitude, longitude, altitude]},
         "groups": {"yard": [robot["name"] for robot in robots]},
         "robots": [{**robot, "twin": str(uuid.uuid4())} for robot in robots],
-        "missions": missions,
-        "schedules": {"round": {"mission": "fail", "every": "1 h", "enabled": False}},
+        "missions": {
+            "two": MISSION,
+            **{policy: {**WITH_A_DOG, "on_restart": policy} for policy in policies},
+        },
+        "schedules": {"round": {"mission": "two", "every": "1 h", "enabled": False}},
     }
-    (tmp_path / "fleet.yaml").write_text(json.dumps(config))
-    running = fleet("run", "--json", folder=tmp_path)
+    (shared_folder / "fleet.yaml").write_text(json.dumps(config))
+    running = shared_fleet("run", "--json", folder=shared_folder)
     for robot in robots:
         running.robot(robot["name"], "is ready", _ready)
     return running
@@ -166,7 +159,7 @@ def ended(yard, run, *, answers=False):
 
 @pytest.mark.timeout(300)
 def test_a_drone_and_a_wheeled_robot_carry_out_a_mission(yard):
-    called = yard.call("mission", "run", "fail", "--json")
+    called = yard.call("mission", "run", "two", "--json")
     assert called.returncode == 0, called.stdout + called.stderr
     state = json.loads(called.stdout)
     assert state["outcome"] == "completed"
@@ -179,7 +172,7 @@ def test_a_drone_and_a_wheeled_robot_carry_out_a_mission(yard):
 
 @pytest.mark.timeout(300)
 def test_a_robot_in_a_run_obeys_nobody_else_until_it_is_taken(yard):
-    run = start(yard, "fail")
+    run = start(yard, "two")
     assert robot(yard, "beast")["run"] == run
     refused = yard.call("goto", "beast", "1", "1")
     assert refused.returncode == 5
@@ -194,13 +187,16 @@ def test_a_robot_in_a_run_obeys_nobody_else_until_it_is_taken(yard):
 
 @pytest.mark.timeout(300)
 def test_an_emergency_stop_of_all_ends_the_run_and_nothing_is_undone(yard):
-    run = start(yard, "fail")
+    run = start(yard, "two")
     wait_until("the base moves", lambda: "navigating" in robot(yard, "beast").get("activity", ""))
     yard.call("stop", "--all")  # a busy machine may not see it stand in time; the run ends all the same
     state = ended(yard, run)
     assert state["outcome"] == "aborted"
     assert {each["outcome"] for each in state["robots"]} == {"stopped"}
     assert not any("begins land" in line["text"] for line in story(yard, run))
+    for name in ROBOTS:
+        assert yard.call("send", name, "release_emergency_stop").returncode == 0
+    yard.call("send", "kestrel", "land", "--wait")
 
 
 @pytest.mark.timeout(300)
@@ -213,14 +209,14 @@ def test_a_firing_whose_edge_is_killed_has_one_run_that_ends(yard):
     os.kill(edge.pid, signal.SIGKILL)
     assert ended(yard, run)["outcome"] == "failed"  # as its mission says of a restart
     runs = json.loads(yard.call("mission", "ps", "--all", "--json").stdout)["runs"]
-    assert [(each["run"], each["by"], each["way"]) for each in runs] == [(run, "schedule round", "mission")]
+    fired = [each for each in runs if each["by"] == "schedule round"]
+    assert [(each["run"], each["way"]) for each in fired] == [(run, "mission")]
     (schedule,) = json.loads(yard.call("schedule", "ls", "--json").stdout)
     assert (schedule["last"][0]["state"], schedule["last"][0]["run"]) == ("started", run)
 
 
 @pytest.mark.timeout(9000)
-def test_a_run_ends_truly_whenever_the_edge_is_killed_and_begins_nothing_twice(yard_with_a_dog, pytestconfig):
-    yard = yard_with_a_dog
+def test_a_run_ends_truly_whenever_the_edge_is_killed_and_begins_nothing_twice(yard, pytestconfig):
     kills = SOAK_KILLS if pytestconfig.getoption("--soak") else KILLS
     seed = random.randrange(1 << 30) if pytestconfig.getoption("--soak") else SEED
     rng = random.Random(seed)
@@ -241,7 +237,7 @@ def test_a_run_ends_truly_whenever_the_edge_is_killed_and_begins_nothing_twice(y
         assert len(begun) == len(set(begun)), (seed, kill, begun)
         if before is not None and not before.get("outcome") and policy == "fail":
             assert state["outcome"] != "completed", (seed, kill, state)
-        for name in ("kestrel", "beast", "rex"):
+        for name in ROBOTS:
             is_free(yard, name)
         assert commands_are_carried_out_once(yard, run), (seed, kill)
         yard.call("send", "kestrel", "land", "--wait")
