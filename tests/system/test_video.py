@@ -10,6 +10,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from tests.system.conftest import fleets
 from tests.tools.waiting import wait_until
 
 PLUGINS = Path(__file__).parents[2] / "tests" / "tools" / "plugins"
@@ -44,30 +45,34 @@ def camera(pictures, tmp_path):
     return pictures.CameraFile(tmp_path / "camera.jpg")
 
 
-class Site:
-    """An edge with one real robot, and the cloud's side of its twin."""
+TWIN = str(uuid.uuid4())
 
-    def __init__(self, fleet, subscriber, broker, folder):
-        self.twin = str(uuid.uuid4())
-        self.file = folder / "fleet.yaml"
-        self._fleet = fleet
-        robot = {"name": "rex", "twin": self.twin, "adapter": "puppet", "worker": "main", "rate": 0}
-        self.file.write_text(
-            json.dumps(
-                {
-                    "edge": {"id": f"yard-{uuid.uuid4().hex[:8]}"},
-                    "cloud": {"host": "127.0.0.1", "port": broker.port, "tls": False},
-                    "bus": {"listen": ["tcp/127.0.0.1:0"], "insecure": "local"},
-                    "plugins": [str(PLUGINS)],
-                    "robots": [robot],
-                }
-            )
-        )
-        self.subscriber = subscriber("127.0.0.1", broker.port, "cyberwave/#")
-        self.cloud = self.subscriber.pilot(self.twin)
-        self.edge = fleet("run", str(self.file), "--json")
-        self.edge.robot("rex", "is well", lambda state: state["health"] == "ok")
-        self.cloud.wait_for("telemetry", "the bridge is in", lambda message: message["type"] == "connected")
+
+@pytest.fixture(scope="module")
+def edge(shared_fleet, shared_foreign_broker, shared_folder):
+    """Run an edge with one robot for all tests, which end their programs."""
+    robot = {"name": "rex", "twin": TWIN, "adapter": "puppet", "worker": "main", "rate": 1}
+    config = {
+        "edge": {"id": f"yard-{uuid.uuid4().hex[:8]}"},
+        "cloud": {"host": "127.0.0.1", "port": shared_foreign_broker.port, "tls": False},
+        "bus": {"listen": ["tcp/127.0.0.1:0"], "insecure": "local"},
+        "plugins": [str(PLUGINS)],
+        "robots": [robot],
+    }
+    (shared_folder / "fleet.yaml").write_text(json.dumps(config))
+    running = shared_fleet("run", "--json", folder=shared_folder)
+    running.robot("rex", "is well", lambda state: state["health"] == "ok")
+    return running
+
+
+class Site:
+    """An edge with one real robot, and the cloud's side of its twin; ``fleet`` starts programs beside it."""
+
+    def __init__(self, edge, fleet, subscriber, file):
+        self.edge, self.file, self._fleet = edge, file, fleet
+        self.subscriber = subscriber
+        self.cloud = subscriber.pilot(TWIN)
+        self.cloud.wait_for("position", "the bridge is in", bool)
 
     def send_video(self, camera, *options, code=0):
         """Start the program that sends video."""
@@ -106,8 +111,11 @@ class Site:
 
 
 @pytest.fixture
-def site(fleet, subscriber, foreign_broker, tmp_path):
-    return Site(fleet, subscriber, foreign_broker, tmp_path)
+def site(edge, shared_runtime, shared_foreign_broker, shared_folder, subscriber):
+    """Listen to the cloud's side from now on; the programs that a test starts end with it."""
+    listener = subscriber("127.0.0.1", shared_foreign_broker.port, "cyberwave/#")
+    with fleets(shared_runtime) as fleet:
+        yield Site(edge, fleet, listener, shared_folder / "fleet.yaml")
 
 
 def test_a_camera_is_seen_in_a_browser_from_start_video_to_stop_video(site, camera, page, pictures):
