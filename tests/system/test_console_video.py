@@ -10,6 +10,7 @@ import pytest
 from fleet.console.links import LinkRequest, request_link
 from fleet.console.task import link_socket
 from fleet.model.permission import Permission
+from tests.system.conftest import fleets
 from tests.tools.waiting import wait_until
 
 PLUGINS = Path(__file__).parents[2] / "tests" / "tools" / "plugins"
@@ -36,26 +37,28 @@ def camera(pictures, tmp_path):
     return pictures.CameraFile(tmp_path / "camera.jpg")
 
 
-@pytest.fixture
-def yard(fleet, tmp_path):
-    """Run an edge with a robot, and a console; returns the edge, its file and its name."""
+@pytest.fixture(scope="module")
+def yard(shared_fleet, shared_folder):
+    """Run an edge with a robot, and a console, for both tests; returns its file and its name."""
     name = f"yard-{uuid.uuid4().hex[:8]}"
     robot = {"name": "rex", "twin": str(uuid.uuid4()), "adapter": "puppet", "worker": "main", "rate": 0}
-    file = tmp_path / "fleet.yaml"
+    file = shared_folder / "fleet.yaml"
     text = {"edge": {"id": name}, "console": {"port": 0}, "plugins": [str(PLUGINS)], "robots": [robot]}
     file.write_text(json.dumps(text))
-    edge = fleet("run", str(file), "--json")
+    edge = shared_fleet("run", str(file), "--json")
     edge.robot("rex", "is well", lambda state: state["health"] == "ok")
-    return edge, file, name
+    return file, name
 
 
 @pytest.fixture
-def shown(yard, runtime, page):
+def shown(yard, shared_runtime, page):
     """Open the page and the robot's panel."""
-    _, _, name = yard
+    _, name = yard
     given = wait_until(
         "the console",
-        lambda: request_link(link_socket(Path(runtime), name), LinkRequest("anna", Permission.OPERATE)),
+        lambda: request_link(
+            link_socket(Path(shared_runtime), name), LinkRequest("anna", Permission.OPERATE)
+        ),
     )
     page.set_default_timeout(WAIT)
     page.goto(given.link)
@@ -63,16 +66,23 @@ def shown(yard, runtime, page):
     return page
 
 
-def test_the_page_shows_what_the_camera_sees_until_the_video_is_ended(yard, shown, fleet, camera, pictures):
-    _, file, _ = yard
-    program = fleet("video", "rex", "-f", str(file), "--camera", camera.source)
-    program.line("waits for start_video")
+@pytest.fixture
+def sender(yard, shared_runtime, camera):
+    """Send video, until the test ends."""
+    file, _ = yard
+    with fleets(shared_runtime) as fleet:
+        program = fleet("video", "rex", "-f", str(file), "--camera", camera.source)
+        program.line("waits for start_video")
+        yield program
+
+
+def test_the_page_shows_what_the_camera_sees_until_the_video_is_ended(shown, sender, camera, pictures):
     shown.get_by_role("button", name="Show live video").click()
     wait_until("red", lambda: (now := shown.evaluate(MIDDLE)) and now["red"] > 200)
     camera.show(pictures.BLUE)
     wait_until("blue", lambda: (now := shown.evaluate(MIDDLE)) and now["blue"] > 200)
     shown.get_by_role("button", name="End live video").click()
-    program.line(r"video of camera ended")
+    sender.line(r"video of camera ended")
     shown.get_by_role("button", name="Show live video").click()  # it can be had again
     wait_until("blue again", lambda: (now := shown.evaluate(MIDDLE)) and now["blue"] > 200)
 

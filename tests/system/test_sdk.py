@@ -2,6 +2,7 @@
 
 import json
 import math
+import socket
 import subprocess
 import sys
 import uuid
@@ -22,37 +23,32 @@ IDENTITIES = {
 }
 
 
-@pytest.fixture
-def autopilot(free_udp_port):
+@pytest.fixture(scope="module")
+def autopilot():
     """Start an autopilot that is there before the fleet and knows nothing of it; gives its target port."""
-    command = [
-        sys.executable,
-        "-m",
-        "fleet_mavlink.sim",
-        "--flavour",
-        "px4",
-        "--to",
-        f"127.0.0.1:{free_udp_port}",
-    ]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    command = [sys.executable, "-m", "fleet_mavlink.sim", "--flavour", "px4", "--to", f"127.0.0.1:{port}"]
     with subprocess.Popen([*command, "--ready-after", "2"], stdout=subprocess.DEVNULL) as running:
-        yield free_udp_port
+        yield port
         running.terminate()
 
 
 @pytest.fixture
-def backend(subscriber, broker):
+def backend(subscriber, shared_broker):
     """Start what stands for the back end; gives its address and a subscriber to the twin."""
-    listener = subscriber("127.0.0.1", broker.port, f"cyberwave/twin/{TWIN}/#")
+    listener = subscriber("127.0.0.1", shared_broker.port, f"cyberwave/twin/{TWIN}/#")
     with back_end(listener.publish) as address:
         yield address, listener
 
 
-@pytest.fixture
-def edge(fleet, broker, autopilot, tmp_path):
-    """Run a fleet of one drone as a user does."""
+@pytest.fixture(scope="module")
+def edge(shared_fleet, shared_broker, autopilot, shared_folder):
+    """Run a fleet of one drone as a user does, for all tests."""
     file = {
         "edge": {"id": "yard"},
-        "cloud": {"host": "127.0.0.1", "port": broker.port, "tls": False},
+        "cloud": {"host": "127.0.0.1", "port": shared_broker.port, "tls": False},
         "robots": [
             {
                 "name": "kestrel",
@@ -63,18 +59,22 @@ def edge(fleet, broker, autopilot, tmp_path):
             }
         ],
     }
-    (tmp_path / "fleet.yaml").write_text(json.dumps(file))
-    running = fleet("run", "--json", folder=tmp_path)
+    (shared_folder / "fleet.yaml").write_text(json.dumps(file))
+    running = shared_fleet("run", "--json", folder=shared_folder)
     running.robot("kestrel", "is well", lambda state: state["health"] == "ok")
     return running
 
 
 @pytest.fixture
-def drone(edge, backend, broker, monkeypatch):
+def drone(edge, backend, shared_broker, monkeypatch):
     """Make the SDK's twin object for the drone, in live mode."""
     monkeypatch.setenv("CYBERWAVE_SDK_AUTO_ATTACH_CONTROLLER", "0")
     client = Cyberwave(
-        base_url=backend[0], api_key="cw_test", mqtt_host="127.0.0.1", mqtt_port=broker.port, topic_prefix=""
+        base_url=backend[0],
+        api_key="cw_test",
+        mqtt_host="127.0.0.1",
+        mqtt_port=shared_broker.port,
+        topic_prefix="",
     )
     data = {
         "uuid": TWIN,
