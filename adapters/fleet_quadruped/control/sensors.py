@@ -31,7 +31,7 @@ class SensorValues:
 
     def __init__(self, sensor: Sensor, *, whole: bool = False) -> None:
         self.frames = frozenset((sensor.bus, frame.id) for frame in sensor.frames)
-        self._names = {frame.id: frame.fields.keys() for frame in sensor.frames}
+        self._names = {frame.id: frozenset(frame.fields) for frame in sensor.frames}
         self._whole = whole
         self._doubtful = {
             frame.id: [

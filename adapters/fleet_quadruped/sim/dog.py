@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 from fleet import CanFrame
 from fleet.sim.faults import check_fault
@@ -40,7 +41,7 @@ class SimDog:
         self._wires = BadBuses(dog.buses, seed)
         self._sensors = Sensors(dog, world)
         self._weak: list[SimMotor] = []
-        self._senders = {bus: self._sender(bus) for bus in dog.buses}
+        self._senders = {bus: partial(self._say, bus) for bus in dog.buses}
         self._listeners: dict[str, dict[int, list[Hears]]] = {}
         self.drives: list[AnyDrive] = []
         for joint, motor in zip(dog.all_joints, world.motors, strict=True):
@@ -133,15 +134,10 @@ class SimDog:
         for hears in self._listeners[bus].get(frame.id, ()):
             hears(frame)
 
-    def _sender(self, bus: str) -> Callable[[CanFrame], None]:
-        """Return the function that sends a frame of the robot on a bus."""
-        heard, wires = self._heard[bus], self._wires
-
-        def send(frame: CanFrame) -> None:
-            if not wires.faults:
-                heard(frame)
-                return
-            for arrived in wires.from_dog(bus, [frame], self.time):
-                heard(arrived)
-
-        return send
+    def _say(self, bus: str, frame: CanFrame) -> None:
+        """Send a frame of the robot on a bus."""
+        if not self._wires.faults:
+            self._heard[bus](frame)
+            return
+        for arrived in self._wires.from_dog(bus, [frame], self.time):
+            self._heard[bus](arrived)

@@ -19,8 +19,17 @@ from fleet_quadruped.sim.world import SimMotor
 
 _FAULTS = {"overcurrent": 33, "hot": 38}
 _KP, _KD = 120.0, 5.0  # N m/rad, N m s/rad of the joint: configured gains
-_DEFAULTS: Mapping[int, float] = {0x23: 1.0, 0x24: 1.0, 0x25: math.nan, 0x26: math.nan}
-"""Default values of the command registers, if not zero."""
+_DEFAULTS: Mapping[int, float] = {
+    0x20: 0.0,
+    0x21: 0.0,
+    0x22: 0.0,
+    0x23: 1.0,
+    0x24: 1.0,
+    0x25: math.nan,
+    0x26: math.nan,
+    0x27: 0.0,
+}
+"""Default values of the command registers."""
 _WRITABLE = frozenset({wire.STOPPED, wire.OBEYS, wire.DAMPS, wire.BRAKES})
 _STARTING = 2  # first of the modes on the way to position mode
 _LATCHED = frozenset({wire.FAILED, wire.TIMED_OUT})
@@ -46,7 +55,7 @@ class SimMoteus(SimDampingDrive):
         """Start as after power-on: stopped, with the stored configuration."""
         self.mode, self._code = wire.STOPPED, 0
         self.config = dict(self.stored)
-        self._command: dict[int, float] = {}
+        self._command = dict(_DEFAULTS)
         self._left = math.inf  # s for which the command is still valid
         self._starts = False  # on its way to position mode
         self._line = b""
@@ -76,27 +85,24 @@ class SimMoteus(SimDampingDrive):
         if mode == wire.OBEYS:
             self._obey(dt)
         elif mode in {wire.DAMPS, wire.BRAKES}:
-            share = 1.0 if self.mode == wire.TIMED_OUT else self._value(0x24)
+            share = 1.0 if self.mode == wire.TIMED_OUT else self._command[0x24]
             self.motor.kd = self._gain("servo.pid_position.kd") * min(1.0, share)
 
     def _obey(self, dt: float) -> None:
         """Follow the command: its position moves with its velocity."""
-        motor = self.motor
-        self._target += self._value(0x21) * dt
+        motor, command = self.motor, self._command
+        self._target += command[0x21] * dt
         angle, speed, torque = self._units.joint(
-            self._target * wire.TURN, self._value(0x21) * wire.TURN, self._value(0x22)
+            self._target * wire.TURN, command[0x21] * wire.TURN, command[0x22]
         )
-        stiff = min(1.0, self._value(0x23))
+        stiff = min(1.0, command[0x23])
         motor.kp = self._gain("servo.pid_position.kp") * stiff
-        motor.kd = self._gain("servo.pid_position.kd") * min(stiff, self._value(0x24))
+        motor.kd = self._gain("servo.pid_position.kd") * min(stiff, command[0x24])
         motor.target, motor.target_speed, motor.feed = angle - self.encoder.off, speed, torque
 
     def _gain(self, name: str) -> float:
         """Return a gain of the joint, per rad."""
         return self.config[name] / wire.TURN * self._square
-
-    def _value(self, register: int) -> float:
-        return self._command.get(register, _DEFAULTS.get(register, 0.0))
 
     def _hear(self, frame: CanFrame) -> None:
         """Execute the sub-frames, and answer if requested."""
@@ -107,7 +113,7 @@ class SimMoteus(SimDampingDrive):
             register: value
             for part in parts
             if part.kind == 0
-            for register, value in enumerate(part.values, start=part.start)
+            for register, value in enumerate(part.values, part.start)
         }
         if wire.MODE in written:
             self._change(int(written[wire.MODE]), written)
@@ -131,11 +137,11 @@ class SimMoteus(SimDampingDrive):
                 self._dozing -= 1
                 return
             self._target, self._starts = self._position(), True
-        self.mode, self._command = _STARTING if self._starts else mode, written
-        position = self._value(0x20)
+        self.mode, self._command = _STARTING if self._starts else mode, {**_DEFAULTS, **written}
+        position = self._command[0x20]
         if not math.isnan(position):
             self._target = position
-        self._left = self._value(0x27) or 0.1
+        self._left = self._command[0x27] or 0.1
         self._left = math.inf if math.isnan(self._left) else self._left
 
     def _position(self) -> float:
@@ -172,7 +178,8 @@ class SimMoteus(SimDampingDrive):
         reply = b""
         for part in parts:
             if part.kind == 1:
-                values = tuple(registers.get(part.start + at, 0.0) for at in range(part.size))
+                asked = range(part.start, part.start + part.size)
+                values = tuple([registers.get(register, 0.0) for register in asked])
                 reply += wire.pack_reply(part.resolution, part.start, values)
             elif part.kind == 0x42:
                 reply += wire.pack_answer(self._text)

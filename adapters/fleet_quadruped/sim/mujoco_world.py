@@ -89,11 +89,6 @@ class MujocoWorld:
     def __init__(self, dog: DogDescription, *, friction: float = 0.8) -> None:
         self._model: Any = mujoco.MjModel.from_xml_string(model_of(dog, friction))
         self.data: Any = mujoco.MjData(self._model)
-        self._load: Any = self.data.act
-        self._slope: Any = self.data.ctrl
-        self._turn: Any = self.data.qpos[3:7]
-        self._rates: Any = self.data.qvel[3:6]
-        self._felt: Any = self.data.qacc[0:3]
         self._addresses = [int(self._model.joint(joint.name).qposadr[0]) for joint in dog.all_joints]
         self._speeds = [int(self._model.joint(joint.name).dofadr[0]) for joint in dog.all_joints]
         fold = dog.posture(dog.poses.fold)
@@ -139,8 +134,8 @@ class MujocoWorld:
             slopes.append(slope)
             loads.append(kp * motor.target + kd * motor.target_speed + motor.feed + slope * STEP)
             gains.append((-kp, -kd))
-        self._load[:] = loads
-        self._slope[:] = slopes
+        self.data.act[:] = loads
+        self.data.ctrl[:] = slopes
         if gains != self._gains:
             self._gains = gains
             self._model.actuator_biasprm[:, 1:3] = gains
@@ -155,10 +150,10 @@ class MujocoWorld:
     def imu(self) -> MeasuredImu:
         """Return orientation, rates and acceleration as an ideal IMU measures them."""
         if self._imu is None:
-            rotation = Quaternion(*self._turn.tolist())
-            ax, ay, az = self._felt.tolist()
+            rotation = Quaternion(*self.data.qpos[3:7].tolist())
+            ax, ay, az = self.data.qacc[0:3].tolist()
             felt = to_body(rotation, (ax, ay, az + 9.81))
-            self._imu = MeasuredImu(rotation, Vector3(*self._rates.tolist()), Vector3(*felt))
+            self._imu = MeasuredImu(rotation, Vector3(*self.data.qvel[3:6].tolist()), Vector3(*felt))
         return self._imu
 
     def place(self) -> LegPoint:

@@ -46,13 +46,13 @@ class SimOdrive(SimDampingDrive):
             OdriveCommand.PARAMETER: self._parameter,
         }
         self._answers: Mapping[int, Callable[[], bytes]] = {
-            OdriveCommand.VERSION: lambda: wire.pack_version(*self._version),
-            OdriveCommand.HEARTBEAT: lambda: wire.pack_heartbeat(self.errors, self.state),
-            OdriveCommand.ADDRESS: lambda: bytes([self.joint.id]) + self._serial + bytes(1),
+            OdriveCommand.VERSION: self._firmware,
+            OdriveCommand.HEARTBEAT: self._heartbeat,
+            OdriveCommand.ADDRESS: self._address,
             OdriveCommand.ESTIMATES: self._estimates,
             OdriveCommand.TORQUES: self._torques,
-            OdriveCommand.TEMPERATURE: lambda: wire.pack_pair(self._temperature, math.nan),
-            OdriveCommand.SUPPLY: lambda: wire.pack_pair(self.voltage, 3.0),
+            OdriveCommand.TEMPERATURE: self._temperatures,
+            OdriveCommand.SUPPLY: self._supply,
         }
         self.hears = {wire.identifier(joint.id, command): self._hear for command in OdriveCommand}
         self.boot()
@@ -176,6 +176,21 @@ class SimOdrive(SimDampingDrive):
             return
         answer = struct.pack("<BHx", 0, endpoint) + self._parameters[endpoint]
         self._send(CanFrame(wire.identifier(self.joint.id, OdriveCommand.TX_SDO), answer))
+
+    def _firmware(self) -> bytes:
+        return wire.pack_version(*self._version)
+
+    def _heartbeat(self) -> bytes:
+        return wire.pack_heartbeat(self.errors, self.state)
+
+    def _address(self) -> bytes:
+        return bytes([self.joint.id]) + self._serial + bytes(1)
+
+    def _temperatures(self) -> bytes:
+        return wire.pack_pair(self._temperature, math.nan)
+
+    def _supply(self) -> bytes:
+        return wire.pack_pair(self.voltage, 3.0)
 
     def _estimates(self) -> bytes:
         angle, speed, _ = self._units.motor(self.encoder.angle, self.motor.speed, 0.0)

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterator, Mapping
+from bisect import bisect_left
+from collections.abc import Mapping
+from itertools import repeat
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -55,18 +57,17 @@ _COMMAND_HEAD = 0x0C, 8, COMMAND
 _NO_LIMITS = b"\x02\x28\xff\xff"  # velocity and acceleration, negative: no limit
 QUERY = b"\x1c\x04\x00\x14\x04\x0c"
 """Reads mode to torque as floats, and position reference to fault as int16."""
-_TYPES = ("b", "h", "i", "f")
-_UNITY = (1.0, 1.0, 1.0)
-_SCALES: Mapping[int, tuple[float, float, float]] = MappingProxyType(
-    {
-        POSITION: (0.01, 0.0001, 0.00001),
-        VELOCITY: (0.1, 0.00025, 0.00001),
-        TORQUE: (0.5, 0.01, 0.001),
-        VOLTAGE: (0.5, 0.1, 0.001),
-        TEMPERATURE: (1.0, 0.1, 0.001),
-    }
+_LAYOUTS = tuple(tuple(struct.Struct(f"<{count}{kind}") for count in range(_LENGTHS[-1])) for kind in "bhif")
+"""Layouts of numbers in a frame, by resolution and count."""
+_SCALES: tuple[Mapping[int, float], ...] = (
+    MappingProxyType({POSITION: 0.01, VELOCITY: 0.1, TORQUE: 0.5, VOLTAGE: 0.5}),
+    MappingProxyType({POSITION: 0.0001, VELOCITY: 0.00025, TORQUE: 0.01, VOLTAGE: 0.1, TEMPERATURE: 0.1}),
+    MappingProxyType(
+        {POSITION: 0.00001, VELOCITY: 0.00001, TORQUE: 0.001, VOLTAGE: 0.001, TEMPERATURE: 0.001}
+    ),
+    MappingProxyType({}),
 )
-"""Units of registers as int8, int16 and int32, if they are not 1."""
+"""Units of registers, if they are not 1, by resolution."""
 _QUERIED = (MODE, POSITION, VELOCITY, TORQUE, HOME, VOLTAGE, TEMPERATURE, FAULT)
 _INT16, _FLOAT = 1, 3  # resolutions
 _CHANNEL = 1  # diagnostic channel
@@ -151,12 +152,12 @@ def pack_answer(text: bytes) -> bytes:
 
 def pack_reply(resolution: int, start: int, values: tuple[float, ...]) -> bytes:
     """Return registers (servo side), not padded; integers are clamped, never wrapped."""
-    kind = _TYPES[resolution]
-    if kind != "f":
-        most = (1 << (8 << resolution) - 1) - 1
-        scaled = [value / _SCALES.get(start + at, _UNITY)[resolution] for at, value in enumerate(values)]
+    if resolution < _FLOAT:
+        most, scales = (1 << (8 << resolution) - 1) - 1, _SCALES[resolution]
+        scaled = [value / scales.get(register, 1.0) for register, value in enumerate(values, start)]
         values = tuple([max(-most, min(most, round(value))) for value in scaled])
-    return struct.pack(f"<3B{len(values)}{kind}", 0x20 | resolution << 2, len(values), start, *values)
+    count = len(values)
+    return bytes((0x20 | resolution << 2, count, start)) + _LAYOUTS[resolution][count].pack(*values)
 
 
 def padded(data: bytes) -> bytes:
@@ -167,7 +168,7 @@ def padded(data: bytes) -> bytes:
 def unpack(data: bytes) -> list[Subframe] | None:
     """Return the sub-frames of a frame; None if it is cut short or has an unknown one."""
     try:
-        return list(_parts(data))
+        return _parts(data)
     except (IndexError, struct.error, ValueError):
         return None
 
@@ -179,7 +180,7 @@ def reply(parts: list[Subframe]) -> dict[int, float] | None:
     They may lack registers, or have them as integers: coarse, and clamped.
     """
     written = registers([part for part in parts if part.kind == 2 and _has_our_type(part)])
-    return written if all(math.isfinite(written.get(register, math.nan)) for register in _QUERIED) else None
+    return written if all(map(math.isfinite, map(written.get, _QUERIED, repeat(math.nan)))) else None
 
 
 def _has_our_type(part: Subframe) -> bool:
@@ -193,36 +194,37 @@ def registers(parts: list[Subframe]) -> dict[int, float]:
     for part in parts:
         if part.kind != 2:
             continue
-        for register, value in enumerate(part.values, start=part.start):
-            whole = part.resolution < _FLOAT
-            found[register] = value * _SCALES.get(register, _UNITY)[part.resolution] if whole else value
+        scales = _SCALES[part.resolution]
+        for register, value in enumerate(part.values, part.start):
+            found[register] = value * scales.get(register, 1.0)
     return found
 
 
-def _parts(data: bytes) -> Iterator[Subframe]:
-    """Yield sub-frames; raises IndexError, ValueError or struct.error for invalid data."""
-    at = 0
-    while at < len(data):
+def _parts(data: bytes) -> list[Subframe]:
+    """Return sub-frames; raises IndexError, ValueError or struct.error for invalid data."""
+    found, at, end = [], 0, len(data)
+    while at < end:
         head = data[at]
         at += 1
         if head == _NOP[0]:
             continue
-        if head >> 4 in {0, 1, 2}:
+        kind = head >> 4
+        if kind <= 2:
             count = head & 3
             if not count:
                 count, at = _varuint(data, at)
             start, at = _varuint(data, at)
             resolution = head >> 2 & 3
             values: tuple[float, ...] = ()
-            if head >> 4 != 1:
-                layout = struct.Struct(f"<{count}{_TYPES[resolution]}")
+            if kind != 1:
+                layout = _LAYOUTS[resolution][count]
                 values = layout.unpack_from(data, at)
                 at += layout.size
-            yield Subframe(head >> 4, start, values, count, resolution)
+            found.append(Subframe(kind, start, values, count, resolution))
         elif head in {0x30, 0x31}:
             start, at = _varuint(data, at)
             _, at = _varuint(data, at)
-            yield Subframe(3, start)
+            found.append(Subframe(3, start))
         elif head in {0x40, 0x41, 0x42}:
             channel, at = _varuint(data, at)
             length, at = _varuint(data, at)
@@ -230,9 +232,10 @@ def _parts(data: bytes) -> Iterator[Subframe]:
             if head != 0x42 and len(text) < length:
                 raise ValueError("cut short")
             at += len(text)
-            yield Subframe(head, channel, text=text)
+            found.append(Subframe(head, channel, text=text))
         else:
             raise ValueError(f"sub-frame {head:02X}h")
+    return found
 
 
 def _varuint(data: bytes, at: int) -> tuple[int, int]:
@@ -250,5 +253,4 @@ def _varuint(data: bytes, at: int) -> tuple[int, int]:
 
 
 def _padded(data: bytes) -> bytes:
-    length = next(length for length in _LENGTHS if length >= len(data))
-    return data.ljust(length, _NOP)
+    return data.ljust(_LENGTHS[bisect_left(_LENGTHS, len(data))], _NOP)

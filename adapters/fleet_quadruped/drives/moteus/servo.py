@@ -46,7 +46,8 @@ class MoteusServo(DampingDrive):
         """Process the registers of a whole answer (``frames.reply``)."""
         turns, speed, torque = registers[wire.POSITION], registers[wire.VELOCITY], registers[wire.TORQUE]
         self.angle, self.speed, self.torque = self.units.joint(turns * wire.TURN, speed * wire.TURN, torque)
-        self.mode, self.code, self.home = (int(registers[at]) for at in (wire.MODE, wire.FAULT, wire.HOME))
+        self.mode, self.code = int(registers[wire.MODE]), int(registers[wire.FAULT])
+        self.home = int(registers[wire.HOME])
         self.voltage, self.temperature = registers[wire.VOLTAGE], registers[wire.TEMPERATURE]
         self.reported_at = now
         self.answers.take(data)
