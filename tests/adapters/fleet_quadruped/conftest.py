@@ -11,6 +11,7 @@ from fleet_quadruped.robot.description import EXAMPLE, DogDescription, load_desc
 from fleet_quadruped.robot.joint import Joint
 from fleet_quadruped.robot.parts import Actuator
 from fleet_quadruped.sim.rig import Rig
+from tests.adapters.fleet_quadruped.copies import copy_of, standing_dog
 
 PROTOCOLS = ("cia402", "mit", "odrive", "moteus")
 _SENSORS = {
@@ -40,9 +41,9 @@ def dog():
 
 
 @pytest.fixture(params=PROTOCOLS)
-def any_dog(dog, request):
+def any_dog(dogs, request):
     """Return the example dog with each kind of drives."""
-    return speaking(dog, request.param)
+    return dogs[request.param]
 
 
 @pytest.fixture(scope="session")
@@ -52,8 +53,8 @@ def dogs(dog):
 
 
 @pytest.fixture(scope="session")
-def mit_dog(dog):
-    return speaking(dog, "mit")
+def mit_dog(dogs):
+    return dogs["mit"]
 
 
 @pytest.fixture
@@ -72,14 +73,13 @@ def stopped_alone():
 @pytest.fixture
 def rig(any_dog):
     """Return a kinematic dog, off, with each kind of drives."""
-    return Rig(any_dog)
+    return copy_of(Rig, any_dog)
 
 
 @pytest.fixture
-def standing(rig):
+def standing(any_dog):
     """Return a kinematic dog that stands."""
-    rig.stand()
-    return rig
+    return standing_dog(any_dog)
 
 
 @pytest.fixture

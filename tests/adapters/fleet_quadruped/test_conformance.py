@@ -14,6 +14,7 @@ from fleet_quadruped.drives.base import Power
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.rig import Rig
+from tests.adapters.fleet_quadruped.copies import copy_of, standing_dog, stood_up
 
 HEARD = {"cia402": 0.005, "mit": 0.015, "odrive": 0.025, "moteus": 0.015}
 """Seconds until a fault is heard of: most speak when they are spoken to, an ODrive each third cycle."""
@@ -155,8 +156,7 @@ def test_an_empty_battery_makes_it_sit_down(standing):
 
 def test_without_fresh_orders_it_stands_and_then_sits(any_dog):
     safety = any_dog.safety.model_copy(update={"abandoned": 3.0})
-    rig = Rig(any_dog.model_copy(update={"safety": safety}))
-    rig.stand()
+    rig = standing_dog(any_dog.model_copy(update={"safety": safety}))
     rig.go(0.5, Twist(0.4))
     rig.alive = False
     rig.go(2.3, Twist(0.4))
@@ -190,9 +190,7 @@ def test_the_fault_of_a_drive_damps_all_others_in_the_cycle_that_hears_of_it(sta
 
 
 def test_two_dogs_do_not_hear_each_other(any_dog):
-    one, other = Rig(any_dog), Rig(any_dog)
-    one.stand()
-    other.stand()
+    one, other = standing_dog(any_dog), standing_dog(any_dog)
     one.emergency()
     for rig in (one, other):
         rig.go(1.0, Twist(0.4))
@@ -221,6 +219,12 @@ def test_a_mirrored_sign_is_found_before_anything_moves(any_dog):
     assert max(abs(a - b) for a, b in zip(before, angles(rig), strict=True)) < 0.02
 
 
+def test_standing_up_takes_no_target_beyond_the_limits(rig):
+    written = Written(rig)
+    rig.stand()
+    assert written.targets
+
+
 FAULTS = ["loss", "delay", "duplicate", "jump", "overcurrent", "mute"]
 anything = st.floats(width=32)  # not-a-number and the infinite ones, too
 requests = st.one_of(
@@ -236,11 +240,9 @@ requests = st.one_of(
 @given(st.lists(requests, max_size=6), st.booleans())
 @settings(max_examples=6, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 def test_no_sequence_of_commands_takes_a_target_beyond_the_limits(dogs, protocol, sequence, stands):
-    rig = Rig(dogs[protocol])
+    rig = copy_of(stood_up if stands else Rig, dogs[protocol])
     written = Written(rig)
     rig.go(0.05)
-    if stands:
-        rig.stand()
     with contextlib.suppress(LinkLost):
         for kind, first, second in sequence:
             do(rig, kind, first, second)

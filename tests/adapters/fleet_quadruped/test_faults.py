@@ -18,8 +18,7 @@ from fleet_quadruped.reports import health_of
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.lockstep import lockstep
-from fleet_quadruped.sim.mujoco_world import MujocoWorld
-from fleet_quadruped.sim.rig import Rig
+from tests.adapters.fleet_quadruped.copies import standing_in_physics, walking_dog
 
 PROTOCOLS = ("cia402", "mit", "odrive", "moteus")
 RL_HIP = JOINTS.index("RL_hip") + 1
@@ -86,14 +85,6 @@ CASES = [
 ]
 
 
-def walking(dog):
-    rig = Rig(dog)
-    rig.stand()
-    rig.go(0.6, Twist(0.4))
-    assert rig.mode is BodyMode.WALKING
-    return rig
-
-
 @pytest.mark.parametrize(
     "case", CASES, ids=lambda case: f"{case.fault}-{case.value:g}-{'+'.join(case.drives)}"
 )
@@ -101,7 +92,7 @@ def test_a_fault_in_mid_trot_ends_in_its_stage_with_its_cause(any_dog, case):
     if any_dog.drive.protocol not in case.drives:
         assert case.drives  # the other kind of drives has a row of its own, or no such thing
         return
-    rig = walking(any_dog)
+    rig = walking_dog(any_dog)
     rig.sim.fault(case.fault, case.value)
     for _ in range(round(case.within / any_dog.dt)):
         rig.go(any_dog.dt, Twist(0.4))
@@ -116,7 +107,7 @@ def test_a_fault_in_mid_trot_ends_in_its_stage_with_its_cause(any_dog, case):
 @pytest.mark.parametrize("fault", ["overcurrent", "mute", "imu"])
 def test_what_was_stopped_hard_is_damped_everywhere_then_off_and_reported_as_a_fault(any_dog, fault):
     safety = any_dog.safety.model_copy(update={"damp_time": 1.5})
-    rig = walking(any_dog.model_copy(update={"safety": safety}))
+    rig = walking_dog(any_dog.model_copy(update={"safety": safety}))
     rig.sim.fault(fault, RL_HIP)
     while rig.mode is not BodyMode.DAMPED:
         rig.cycle()
@@ -132,8 +123,7 @@ def test_what_was_stopped_hard_is_damped_everywhere_then_off_and_reported_as_a_f
     assert rig.fault in rig.request(BodyRequest.STAND)
 
 
-def test_a_dog_whose_imu_falls_silent_while_it_recovers_lets_go(any_dog):
-    rig = Rig(any_dog)
+def test_a_dog_whose_imu_falls_silent_while_it_recovers_lets_go(rig):
     rig.go(0.1)
     assert rig.request(BodyRequest.RECOVER) == ""
     rig.go(0.3)
@@ -143,8 +133,7 @@ def test_a_dog_whose_imu_falls_silent_while_it_recovers_lets_go(any_dog):
     assert rig.fault.startswith("imu: no valid frame for ")
 
 
-def test_a_dog_that_is_asked_to_sit_while_it_recovers_gives_way_where_it_lies(any_dog):
-    rig = Rig(any_dog)
+def test_a_dog_that_is_asked_to_sit_while_it_recovers_gives_way_where_it_lies(rig):
     rig.go(0.1)
     assert rig.request(BodyRequest.RECOVER) == ""
     rig.go(0.3)
@@ -197,8 +186,7 @@ def test_a_drive_that_does_not_take_its_mode_is_refused(dog):
         unconfigured(dog, "mode").drives.configure()
 
 
-def test_two_drives_with_one_id_are_reported_and_never_enabled(any_dog):
-    rig = Rig(any_dog)
+def test_two_drives_with_one_id_are_reported_and_never_enabled(rig):
     rig.sim.fault("twin", RL_HIP)
     rig.reconnect()
     rig.go(0.2)
@@ -209,8 +197,7 @@ def test_two_drives_with_one_id_are_reported_and_never_enabled(any_dog):
 
 
 @pytest.mark.parametrize("fault", ["overcurrent", "hot"])
-def test_a_fault_of_a_resting_dog_is_reported_and_reset_by_command_only(any_dog, fault):
-    rig = Rig(any_dog)
+def test_a_fault_of_a_resting_dog_is_reported_and_reset_by_command_only(rig, fault):
     rig.sim.fault(fault, RL_HIP)
     rig.go(1.5)
     assert rig.state().fault.startswith("RL_hip: ")
@@ -221,15 +208,13 @@ def test_a_fault_of_a_resting_dog_is_reported_and_reset_by_command_only(any_dog,
     rig.stand()
 
 
-def test_a_dog_with_an_empty_battery_does_not_stand_up(any_dog):
-    rig = Rig(any_dog)
+def test_a_dog_with_an_empty_battery_does_not_stand_up(rig):
     rig.sim.fault("battery", 5.0)
     rig.go(2.0)
     assert rig.request(BodyRequest.STAND) == "battery: 5 %, it sits down at 10 %"
 
 
-def test_a_drive_that_misses_its_first_enabling_is_reported_again(any_dog):
-    rig = Rig(any_dog)
+def test_a_drive_that_misses_its_first_enabling_is_reported_again(rig):
     rig.sim.fault("lazy", RL_HIP)
     rig.stand()
 
@@ -294,8 +279,7 @@ class LateBus:
         return frames
 
 
-def test_a_dog_whose_imu_is_upside_down_does_not_stand_up(any_dog):
-    rig = Rig(any_dog)
+def test_a_dog_whose_imu_is_upside_down_does_not_stand_up(rig):
     rig.sim.fault("upside")
     rig.go(0.1)
     assert (
@@ -306,15 +290,14 @@ def test_a_dog_whose_imu_is_upside_down_does_not_stand_up(any_dog):
 
 
 def test_a_motor_without_force_is_a_following_error_in_physics(any_dog):
-    rig = Rig(any_dog, MujocoWorld(any_dog))
-    rig.stand()
+    rig = standing_in_physics(any_dog)
     rig.sim.fault("weak", RL_KNEE)
     rig.go(1.5, Twist(0.4))
     assert re.match(r"RL_knee: following error, wanted -\d\.\d\d rad, is at -\d", rig.fault)
 
 
 def test_one_odd_value_of_the_battery_does_not_make_it_sit_down(any_dog):
-    rig = walking(any_dog)
+    rig = walking_dog(any_dog)
     rig.sim.fault("battery", 3.0)
     rig.go(1.1, Twist(0.4))
     rig.sim.clear("battery")
@@ -322,15 +305,14 @@ def test_one_odd_value_of_the_battery_does_not_make_it_sit_down(any_dog):
     assert (rig.mode, rig.fault) == (BodyMode.WALKING, "")
 
 
-def test_a_battery_that_says_nothing_is_reported(any_dog):
-    rig = Rig(any_dog)
+def test_a_battery_that_says_nothing_is_reported(rig):
     rig.sim.fault("bms")
-    rig.go(any_dog.battery.timeout + 1.2)
+    rig.go(rig.dog.battery.timeout + 1.2)
     assert health_of(rig.state(), 100).cause.startswith("battery: silent on bus a")
 
 
 def test_a_storm_of_emergencies_is_one_fault_with_the_first_cause(dog):
-    rig = walking(dog)
+    rig = walking_dog(dog)
     rig.sim.fault("overcurrent", RL_HIP)
     for code in range(0x1000, 0x1000 + 2000):
         rig.buses["a"].arrive(CanFrame(0x080 + 3, code.to_bytes(2, "little") + bytes([0x21]) + bytes(5)))
@@ -342,7 +324,7 @@ def test_a_storm_of_emergencies_is_one_fault_with_the_first_cause(dog):
 
 
 def test_a_burst_of_lost_frames_is_walked_through(any_dog):
-    rig = walking(any_dog)
+    rig = walking_dog(any_dog)
     rig.sim.fault("silent")
     rig.go(0.03, Twist(0.4))
     rig.sim.clear("silent")
@@ -352,7 +334,7 @@ def test_a_burst_of_lost_frames_is_walked_through(any_dog):
 
 @pytest.mark.parametrize(("fault", "share"), [("reorder", 0.1), ("corrupt", 0.01)])
 def test_frames_that_are_spoiled_or_out_of_order_end_with_a_cause_or_not_at_all(any_dog, fault, share):
-    rig = walking(any_dog)
+    rig = walking_dog(any_dog)
     rig.sim.fault(fault, share)
     rig.go(1.5, Twist(0.4))
     assert rig.mode is BodyMode.WALKING or re.match(r"(..)_(abad|hip|knee): |imu: ", rig.fault)
@@ -362,8 +344,7 @@ def test_frames_that_are_spoiled_or_out_of_order_end_with_a_cause_or_not_at_all(
 
 
 @pytest.mark.parametrize("fault", ["mute", "silent"])
-def test_drives_that_go_away_while_it_rests_are_a_lost_link(any_dog, fault):
-    rig = Rig(any_dog)
+def test_drives_that_go_away_while_it_rests_are_a_lost_link(rig, fault):
     rig.go(0.1)
     rig.sim.fault(fault, RL_HIP)
     with pytest.raises(LinkLost, match=r"id \d+ (on bus 'a' is silent|.*)"):
@@ -371,7 +352,7 @@ def test_drives_that_go_away_while_it_rests_are_a_lost_link(any_dog, fault):
 
 
 def test_a_drive_that_restarts_in_motion_is_configured_again_after_the_reset(any_dog):
-    rig = walking(any_dog)
+    rig = walking_dog(any_dog)
     rig.sim.fault("reboot", RL_HIP)
     rig.go(3.0)
     assert rig.mode is BodyMode.OFF
@@ -381,7 +362,7 @@ def test_a_drive_that_restarts_in_motion_is_configured_again_after_the_reset(any
 
 
 def test_a_bus_that_is_unplugged_and_back_finds_a_dog_that_goes_off_and_stays_so(any_dog, stopped_alone):
-    rig = walking(any_dog)
+    rig = walking_dog(any_dog)
     rig.buses["a"].cut = True
     with pytest.raises(LinkLost, match="bus 'a' is gone"):
         rig.go(0.1, Twist(0.4))
@@ -403,7 +384,7 @@ def test_a_bus_that_is_unplugged_and_back_finds_a_dog_that_goes_off_and_stays_so
 
 @pytest.mark.parametrize("seconds", [0.3, 5.0])
 def test_a_controller_that_was_asleep_finds_its_drives_stopped_and_gives_up(any_dog, seconds, stopped_alone):
-    rig = walking(any_dog)
+    rig = walking_dog(any_dog)
     for _ in range(round(seconds / 0.01)):
         rig.sim.advance(0.01)
     assert stopped_alone(rig)
@@ -414,7 +395,7 @@ def test_a_controller_that_was_asleep_finds_its_drives_stopped_and_gives_up(any_
 
 @pytest.mark.parametrize("seconds", [2.0, 3600.0])
 def test_a_clock_that_jumps_ahead_counts_as_a_long_silence_and_makes_no_jump_of_a_joint(any_dog, seconds):
-    rig = walking(any_dog)
+    rig = walking_dog(any_dog)
     rig.go(0.02, Twist(0.4))  # no heartbeat is due in the next cycle
     before = [motor.target for motor in rig.sim.world.motors]
     rig.skew = seconds
@@ -430,7 +411,7 @@ def test_a_clock_that_jumps_ahead_counts_as_a_long_silence_and_makes_no_jump_of_
 
 
 def test_an_order_from_before_a_jump_of_the_clock_stops_it_softly(mit_dog):
-    rig = walking(mit_dog)
+    rig = walking_dog(mit_dog)
     rig.alive, rig.skew = False, 2.0
     rig.go(2.0, Twist(0.4))
     assert (rig.mode, rig.fault) == (BodyMode.STANDING, "")
@@ -440,7 +421,7 @@ def test_an_order_from_before_a_jump_of_the_clock_stops_it_softly(mit_dog):
 
 
 def test_a_warm_joint_slows_the_dog_before_it_sits_down(any_dog):
-    rig = walking(any_dog)
+    rig = walking_dog(any_dog)
     rig.go(1.0, Twist(0.8))
     cool = rig.controller.body.walker.odometry.twist.x
     rig.sim.fault("warm", RL_HIP)
@@ -456,7 +437,7 @@ def test_a_warm_joint_slows_the_dog_before_it_sits_down(any_dog):
 
 
 def test_a_fault_is_reset_by_a_rising_edge_and_never_unasked(dog):
-    rig = walking(dog)
+    rig = walking_dog(dog)
     rig.sim.fault("overcurrent", RL_HIP)
     rig.go(3.0)
     assert set(control_words(rig)) == {0x00}

@@ -16,6 +16,7 @@ from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
+from tests.adapters.fleet_quadruped.copies import copy_of, standing_dog, stood_up, up
 
 RL_HIP = JOINTS.index("RL_hip") + 1
 GENTLE = 0.5  # m/s of its drop
@@ -46,10 +47,13 @@ class Watched(Rig):
         return {drive.state for drive in self.sim.drives}
 
 
+def watched(dog):
+    return up(Watched(dog))
+
+
 @pytest.fixture(params=[Twist(), Twist(0.5)], ids=["standing", "trotting"])
 def upright(dog, request):
-    rig = Watched(dog)
-    rig.stand()
+    rig = copy_of(watched, dog)
     rig.go(1.5, request.param)
     return rig
 
@@ -116,8 +120,7 @@ def test_a_cable_that_is_cut_and_mended_does_not_drop_it(dog, seconds, simple):
 
 
 def test_a_drive_that_does_not_go_on_keeps_the_dog_held_until_a_person_holds_it(dog):
-    rig = Watched(dog)
-    rig.stand()
+    rig = copy_of(watched, dog)
     rig.sim.fault("stays", RL_HIP)
     rig.pass_time(0.5)
     rig.reconnect()
@@ -135,8 +138,7 @@ def test_a_drive_that_does_not_go_on_keeps_the_dog_held_until_a_person_holds_it(
 
 
 def test_a_leg_that_fails_in_mid_trot_does_not_let_the_others_fall(dog):
-    rig = Watched(dog)
-    rig.stand()
+    rig = copy_of(watched, dog)
     rig.go(1.5, Twist(0.5))
     rig.sim.fault("mute", RL_HIP)
     rig.go(3.0)
@@ -145,8 +147,7 @@ def test_a_leg_that_fails_in_mid_trot_does_not_let_the_others_fall(dog):
 
 
 def test_nothing_is_written_to_drives_before_they_have_reported_whether_they_hold_the_dog(dog):
-    rig = Rig(dog)
-    rig.stand()
+    rig = standing_dog(dog)
     rig.reconnect()
     rig.sim.fault("silent")
     rig.go(0.5)
@@ -186,8 +187,7 @@ class Bench:
 
 
 def test_a_tool_that_looks_at_a_held_dog_refuses_and_drops_nothing(dog, monkeypatch):
-    rig = Watched(dog)
-    rig.stand()
+    rig = copy_of(watched, dog)
     rig.pass_time(0.5)
     bench = Bench(rig)
     monkeypatch.setattr(Cia402Drives, "configure", lambda _self: None)  # it is configured already
@@ -238,9 +238,7 @@ def leave(rig, monkeypatch):
 @pytest.mark.parametrize("loss", [0.0, 0.3])
 @pytest.mark.parametrize("stands", [True, False])
 def test_who_leaves_has_seen_every_drive_without_torque(any_dog, monkeypatch, loss, stands):
-    rig = Rig(any_dog)
-    if stands:
-        rig.stand()
+    rig = copy_of(stood_up if stands else Rig, any_dog)
     if loss:
         rig.sim.fault("loss", loss)
     leave(rig, monkeypatch)
@@ -252,8 +250,7 @@ def test_who_leaves_has_seen_every_drive_without_torque(any_dog, monkeypatch, lo
 
 
 def test_a_drive_that_keeps_its_torque_is_reported(dog):
-    rig = Rig(dog)
-    rig.stand()
+    rig = standing_dog(dog)
     rig.request(BodyRequest.SIT)
     while rig.mode is not BodyMode.SETTLING:
         rig.cycle()

@@ -12,8 +12,8 @@ from fleet.model.navigation import FollowPath, Goal, GoTo, RelativeMove
 from fleet_quadruped import QuadrupedAdapter
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.requests import BodyRequest
-from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
+from tests.adapters.fleet_quadruped.copies import standing_dog, standing_in_physics
 
 PERIOD = 0.05
 
@@ -44,9 +44,7 @@ def lead(rig, task, within=60.0):
 
 @pytest.fixture
 def dog_on_its_feet(dog):
-    rig = Rig(dog)
-    rig.stand()
-    return rig
+    return standing_dog(dog)
 
 
 @pytest.mark.parametrize(
@@ -91,8 +89,7 @@ def test_a_dog_without_an_imu_is_led_to_its_goal(dog):
 
 
 def test_in_physics_the_dog_truly_is_at_its_goal(dog):
-    rig = Rig(dog, MujocoWorld(dog))
-    rig.stand()
+    rig = standing_in_physics(dog)
     start = rig.sim.world.place()
     lead(rig, GoTo(Goal(Vector3(0.8, 0.4), yaw=0.8)))
     x, y, _ = rig.sim.world.place()

@@ -10,6 +10,7 @@ from fleet_quadruped.reports import MotionReports
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
+from tests.adapters.fleet_quadruped.copies import copy_of, up
 
 RL_HIP = JOINTS.index("RL_hip") + 1
 EPOCH = 1_795_000_000.0  # Unix seconds at the simulated dog's zero
@@ -33,12 +34,15 @@ class Reported(Rig):
             reports.clear()
 
 
-@pytest.fixture
-def walking(any_dog):
-    rig = Reported(any_dog)
-    rig.stand()
+def reported(dog):
+    rig = up(Reported(dog))
     rig.go(0.6, Twist(0.4))
     return rig
+
+
+@pytest.fixture
+def walking(any_dog):
+    return copy_of(reported, any_dog)
 
 
 def test_nothing_is_reported_while_the_bus_is_cut(walking):

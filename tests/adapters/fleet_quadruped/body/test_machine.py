@@ -8,6 +8,7 @@ from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.robot.description import leg_angles
 from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.rig import Rig
+from tests.adapters.fleet_quadruped.copies import standing_dog
 
 
 def heights(rig):
@@ -31,8 +32,7 @@ def rise_and_leave(rig, after):
 
 
 @pytest.mark.parametrize("after", [0.4, 1.2, 2.1])
-def test_a_dog_that_is_asked_to_leave_while_it_rises_only_goes_down(any_dog, after):
-    rig = Rig(any_dog)
+def test_a_dog_that_is_asked_to_leave_while_it_rises_only_goes_down(rig, after):
     rig.go(0.1)
     seen = rise_and_leave(rig, after)
     assert max(map(max, seen)) <= max(seen[0]) + 0.005
@@ -54,8 +54,7 @@ def test_a_dog_in_its_walk_is_given_the_time_of_the_walk_until_it_sits_down(mit_
 
 
 def test_a_walk_that_an_emergency_stop_cut_off_is_not_taken_up_by_sitting_down(any_dog):
-    rig = Rig(any_dog)
-    rig.stand()
+    rig = standing_dog(any_dog)
     rig.go(1.05, Twist(0.4))
     rig.emergency()
     rig.go(4.0)

@@ -9,8 +9,7 @@ import pytest
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.safety.stages import BodyMode
-from fleet_quadruped.sim.mujoco_world import MujocoWorld
-from fleet_quadruped.sim.rig import Rig
+from tests.adapters.fleet_quadruped.copies import copy_of, standing_dog, standing_in_physics
 
 TILTED = 0.35  # rad: less than half of the tilt at which it would let go (0.785)
 
@@ -33,13 +32,17 @@ def halt(rig):
     rig.cycle()
 
 
-@pytest.fixture
-def standing(rig):
-    rig.stand()
+def led(dog):
+    rig = standing_dog(dog)
     assert rig.request(BodyRequest.POSE) == ""
     rig.go(0.1)
     assert rig.mode is BodyMode.POSING
     return rig
+
+
+@pytest.fixture
+def standing(any_dog):
+    return copy_of(led, any_dog)
 
 
 def posture(rig):
@@ -85,8 +88,7 @@ PHYSICS = {name: pattern for name, pattern in PATTERNS.items() if "short" in nam
 
 @pytest.mark.parametrize("pattern", PHYSICS.values(), ids=PHYSICS)
 def test_in_physics_it_does_not_fall_wherever_its_joints_are_led(any_dog, pattern):
-    rig = Rig(any_dog, MujocoWorld(any_dog))
-    rig.stand()
+    rig = standing_in_physics(any_dog)
     assert rig.request(BodyRequest.POSE) == ""
     rig.go(0.1)
     lead(rig, 1.5, [at + 5 * sign for at, sign in zip(posture(rig), pattern, strict=True)])
@@ -196,7 +198,7 @@ def test_a_stop_before_its_drives_are_enabled_leaves_a_lying_dog_off(rig, given,
     assert rig.mode is BodyMode.OFF
 
 
-def test_a_dog_that_walks_is_not_led(rig):
-    rig.stand()
+def test_a_dog_that_walks_is_not_led(any_dog):
+    rig = standing_dog(any_dog)
     rig.go(0.5, Twist(0.3))
     assert "walking" in rig.request(BodyRequest.POSE)

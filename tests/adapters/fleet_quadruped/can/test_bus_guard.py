@@ -9,12 +9,11 @@ from fleet.link.canbus.frame import CanFrame
 from fleet.testing.clock import ManualClock
 from fleet_quadruped.any_description import load_body
 from fleet_quadruped.bench_tools import BenchSession, listen, scan
-from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.can.bus_guard import LISTEN, require_sole_controller
 from fleet_quadruped.robot.description import EXAMPLE
 from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.lockstep import SimBus
-from fleet_quadruped.sim.rig import Rig
+from tests.adapters.fleet_quadruped.copies import walking_dog
 
 OTHER = r"^bus 'a': another controller commands the drives \(frame \w+h\); only one may"
 
@@ -36,10 +35,7 @@ class Shared:
 
 @pytest.fixture
 def walking(any_dog):
-    rig = Rig(any_dog)
-    rig.stand()
-    rig.go(0.6, Twist(0.4))
-    return rig
+    return walking_dog(any_dog)
 
 
 @pytest.mark.parametrize("tool", [lambda dog, bus, clock: BenchSession(dog, {"a": bus}, clock), None])
@@ -54,8 +50,8 @@ def test_a_tool_says_nothing_to_a_dog_that_somebody_drives(walking, tool):
     assert walking.mode is BodyMode.WALKING
 
 
-def test_nor_to_one_that_rests_under_another_controller(any_dog):
-    rig, clock = Rig(any_dog), ManualClock()
+def test_nor_to_one_that_rests_under_another_controller(rig):
+    clock = ManualClock()
     with pytest.raises(LinkLost, match=OTHER):
         require_sole_controller({"a": Shared(rig, clock)}, rig.controller.addresses, clock)
 
@@ -68,8 +64,8 @@ def test_nor_to_a_machine_that_walks_by_itself():
         listen(walker, {"a": bus}, SystemClock())
 
 
-def test_what_the_drives_themselves_say_is_no_other_controller(any_dog):
-    rig, clock = Rig(any_dog), ManualClock()
+def test_what_the_drives_themselves_say_is_no_other_controller(rig):
+    clock = ManualClock()
 
     class Heard:
         def receive(self, _wait):

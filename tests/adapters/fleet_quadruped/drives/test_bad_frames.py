@@ -12,7 +12,7 @@ from fleet_quadruped.drives import drive_kind, drives_of
 from fleet_quadruped.drives.moteus import frames as moteus
 from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.lockstep import lockstep
-from fleet_quadruped.sim.rig import Rig
+from tests.adapters.fleet_quadruped.copies import standing_dog
 
 NUMBERS = [math.nan, math.inf, -math.inf, 3.4e38, 0.0, 1e-45]
 BYTES = st.one_of(
@@ -73,8 +73,7 @@ def test_any_frames_leave_the_control_loop_running(any_dog, data):
 
     Standing up costs a hundred times as much as a cycle: few dogs, many cycles.
     """
-    rig = Rig(any_dog)
-    rig.stand()
+    rig = standing_dog(any_dog)
     for _ in range(8):
         for frame in data.draw(any_frames(any_dog)):
             rig.buses["a"].arrive(frame)
@@ -89,8 +88,7 @@ def test_any_frames_leave_the_control_loop_running(any_dog, data):
     "query", [b"\x15\x00\x15\x0f", b"\x10\x04\x00\x14\x04\x0c", b"\x11\x01"], ids=["partial", "int8", "angle"]
 )
 def test_another_host_tool_that_reads_the_servos_disturbs_no_standing_dog(dogs, query):
-    rig = Rig(dogs["moteus"])
-    rig.stand()
+    rig = standing_dog(dogs["moteus"])
     before = rig.state().angles
     for _ in range(100):
         for joint in rig.dog.all_joints:

@@ -10,14 +10,13 @@ from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
+from tests.adapters.fleet_quadruped.copies import standing_in_physics
 from tests.tools.wander import wander
 
 
 @pytest.fixture
 def walker(any_dog):
-    rig = Rig(any_dog, MujocoWorld(any_dog))
-    rig.stand()
-    return rig
+    return standing_in_physics(any_dog)
 
 
 def speed(rig, twist, seconds=2.0):

@@ -7,8 +7,7 @@ from fleet_quadruped.drives.base import Power
 from fleet_quadruped.drives.moteus import frames as wire
 from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.lockstep import lockstep
-from fleet_quadruped.sim.mujoco_world import MujocoWorld
-from fleet_quadruped.sim.rig import Rig
+from tests.adapters.fleet_quadruped.copies import standing_dog, standing_in_physics
 
 
 @pytest.fixture
@@ -17,8 +16,7 @@ def servos(dogs):
 
 
 def test_stiffness_and_damping_are_those_of_the_description(servos):
-    rig = Rig(servos)
-    rig.stand()
+    rig = standing_dog(servos)
     kinds = [joint.kind for joint in servos.all_joints]
     assert [motor.kp for motor in rig.sim.world.motors] == pytest.approx(
         [kind.kp for kind in kinds], rel=1e-3
@@ -29,8 +27,7 @@ def test_stiffness_and_damping_are_those_of_the_description(servos):
 
 
 def test_servos_whose_controller_dies_damp_and_are_off_only_when_they_are_switched_off(servos):
-    rig = Rig(servos, MujocoWorld(servos))
-    rig.stand()
+    rig = standing_in_physics(servos)
     drop = 0.0
     for _ in range(150):
         rig.sim.advance(0.01)
@@ -49,8 +46,7 @@ def test_servos_whose_controller_dies_damp_and_are_off_only_when_they_are_switch
 
 
 def test_damping_is_a_mode_of_its_own_because_position_mode_would_not_damp(servos):
-    rig = Rig(servos)
-    rig.stand()
+    rig = standing_dog(servos)
     rig.emergency()
     rig.go(0.05)
     assert {drive.mode for drive in rig.sim.drives} == {wire.DAMPS}

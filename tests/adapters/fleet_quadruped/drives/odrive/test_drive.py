@@ -11,6 +11,7 @@ from fleet_quadruped.drives.odrive.frames import OdriveCommand, State
 from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.lockstep import lockstep
 from fleet_quadruped.sim.rig import Rig
+from tests.adapters.fleet_quadruped.copies import standing_dog
 
 
 @pytest.fixture
@@ -19,8 +20,7 @@ def odrives(dogs):
 
 
 def test_a_dog_that_is_damped_is_fed_until_it_lies(odrives):
-    rig = Rig(odrives)
-    rig.stand()
+    rig = standing_dog(odrives)
     rig.emergency()
     for _ in range(150):
         rig.cycle()
@@ -52,8 +52,7 @@ def test_a_drive_in_a_state_of_its_own_is_not_trusted(odrives):
 
 
 def test_a_drive_whose_heartbeat_does_not_come_is_not_trusted(odrives):
-    rig = Rig(odrives)
-    rig.stand()
+    rig = standing_dog(odrives)
     rig.sim.drives[7]._answers = {OdriveCommand.ESTIMATES: rig.sim.drives[7]._estimates}
     rig.go(0.5)
     assert rig.mode is BodyMode.DAMPED
