@@ -9,6 +9,7 @@ the offsets of all others are as small as manufacturing errors, the floor and th
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from operator import mul
 from typing import NamedTuple
 
 from fleet import Quaternion, Vector3
@@ -25,8 +26,8 @@ _FREE = 1.5  # rad: standard error of the offset of the joint under test
 _ROUNDS = 5
 _JOINTS = len(JOINTS)
 _COUNT = _JOINTS + 4  # offsets; the floor's slopes along x and y; the IMU's mounting about x and y
-# step of the numerical derivatives
-_SMALL = 1e-5
+_SMALL = 1e-4  # change of the values, rad, below which no more rounds are needed
+_NOWHERE: LegPoint = (0.0, 0.0, 0.0)
 _LEAST = 3  # observations needed for any conclusion
 _UNLIKELY = 25.0  # cost that no correct robot reaches: the worst of 50 had 16
 _BETTER, _OFF = 5.0, 0.06  # lowest gain of cost, and lowest offset (rad), for blaming a joint
@@ -64,17 +65,16 @@ def explain(
     if joint is not None and mirrored:
         first[joint] = 2 * looks[0].angles[joint]
         looks = [_with_mirrored(look, joint) for look in looks]
+    rolled = _rolled(dog, looks)
     values, cost = first, 0.0
     for _ in range(_ROUNDS):
-        residuals = _residuals(dog, looks, values)
+        residuals, slopes = _linearized(dog, looks, rolled, values)
         priors = [(value - start) / error for value, start, error in zip(values, first, errors, strict=True)]
-        cost = sum(each * each for each in residuals) + sum(each * each for each in priors)
-        slopes = []
-        for number in range(_COUNT):
-            moved = [value + _SMALL * (place == number) for place, value in enumerate(values)]
-            after = _residuals(dog, looks, moved)
-            slopes.append([(b - a) / _SMALL for a, b in zip(residuals, after, strict=True)])
-        values = _improved(residuals, slopes, values, priors, errors)
+        cost = sum(map(mul, residuals, residuals)) + sum(map(mul, priors, priors))
+        step = _step(residuals, slopes, priors, errors)
+        values = [value + change for value, change in zip(values, step, strict=True)]
+        if max(map(abs, step)) < _SMALL:
+            break
     return Hypothesis(cost, joint, mirrored, 0.0 if joint is None else values[joint])
 
 
@@ -83,82 +83,115 @@ def _with_mirrored(look: Observation, joint: int) -> Observation:
     return look._replace(angles=angles)
 
 
-def _residuals(dog: DogDescription, looks: Sequence[Observation], values: Sequence[float]) -> list[float]:
-    """Return the residuals, each over its standard error: feet that move, feet above or below the floor."""
-    slope_x, slope_y = values[_JOINTS : _JOINTS + 2]
-    feet = [_feet(dog, look, values) for look in looks]
-    stuck = [_centred(each) for each in _unrolled(dog, looks, feet)]
-    means = [_mean([look[leg] for look in stuck]) for leg in range(len(LEGS))]
-    found = []
-    for look, stands in zip(stuck, feet, strict=True):
-        for place, mean in zip(look, means, strict=True):
-            found += [(a - b) / _STUCK for a, b in zip(place, mean, strict=True)]
-        found += [(z - slope_x * x - slope_y * y) / _FOOT for x, y, z in _centred(stands)]
+def _linearized(
+    dog: DogDescription, looks: Sequence[Observation], rolled: Feet, values: Sequence[float]
+) -> tuple[list[float], list[list[float]]]:
+    """Return the residuals, each over its standard error, and their derivatives by each value.
+
+    The residuals are feet that move, and feet above or below the floor.
+    """
+    slope_x, slope_y, mount_x, mount_y = values[_JOINTS:]
+    feet: Feet = []
+    moved: list[Feet] = [[] for _ in range(_JOINTS)]
+    tilted: list[Feet] = [[], []]
+    for look in looks:
+        angles = [angle + offset for angle, offset in zip(look.angles, values, strict=False)]
+        stands: list[LegPoint] = []
+        for number, leg in enumerate(dog.legs):
+            first = 3 * number
+            (x, y, z), columns = leg.reach((angles[first], angles[first + 1], angles[first + 2]))
+            place = x + leg.x, y + leg.y, z
+            stands.append(place)
+            for joint, column in enumerate(columns, first):
+                way = to_world(look.rotation, _tilted(column, mount_x, mount_y))
+                moved[joint].append([way if other == number else _NOWHERE for other in range(len(LEGS))])
+        feet.append([to_world(look.rotation, _tilted(place, mount_x, mount_y)) for place in stands])
+        tilted[0].append([to_world(look.rotation, (0.0, -z, y)) for _, y, z in stands])
+        tilted[1].append([to_world(look.rotation, (z, 0.0, -x)) for x, _, z in stands])
+    centred = _centred(feet)
+    unrolled = [
+        [_less(foot, way) for foot, way in zip(stands, ways, strict=True)]
+        for stands, ways in zip(centred, rolled, strict=True)
+    ]
+    level = [0.0] * (3 * len(LEGS) * len(looks))
+    slopes = [_movement(each) + _unevenness(each, slope_x, slope_y) for each in map(_centred, moved)]
+    slopes.append(level + [-x / _FOOT for stands in centred for x, _, _ in stands])
+    slopes.append(level + [-y / _FOOT for stands in centred for _, y, _ in stands])
+    slopes += [_movement(each) + _unevenness(each, slope_x, slope_y) for each in map(_centred, tilted)]
+    return _movement(unrolled) + _unevenness(centred, slope_x, slope_y), slopes
+
+
+def _tilted(place: LegPoint, mount_x: float, mount_y: float) -> LegPoint:
+    """Return a place as a slightly tilted IMU has it."""
+    x, y, z = place
+    return x + mount_y * z, y - mount_x * z, z + mount_x * y - mount_y * x
+
+
+def _movement(feet: Feet) -> list[float]:
+    """Return how far each foot is from its mean place, over the standard error."""
+    means = [_mean([stands[leg] for stands in feet]) for leg in range(len(LEGS))]
+    found: list[float] = []
+    for stands in feet:
+        for (x, y, z), (mean_x, mean_y, mean_z) in zip(stands, means, strict=True):
+            found += ((x - mean_x) / _STUCK, (y - mean_y) / _STUCK, (z - mean_z) / _STUCK)
     return found
 
 
-def _feet(dog: DogDescription, look: Observation, values: Sequence[float]) -> list[LegPoint]:
-    """Return the feet of one observation relative to the trunk's centre, in the level frame."""
-    angles = [angle + offset for angle, offset in zip(look.angles, values, strict=False)]
-    mount_x, mount_y = values[_JOINTS + 2 :]
-    feet = []
-    for number, leg in enumerate(dog.legs):
-        x, y, z = leg.foot((angles[3 * number], angles[3 * number + 1], angles[3 * number + 2]))
-        x, y = x + leg.x, y + leg.y
-        turned = (x + mount_y * z, y - mount_x * z, z + mount_x * y - mount_y * x)
-        feet.append(to_world(look.rotation, turned))
-    return feet
+def _unevenness(feet: Feet, slope_x: float, slope_y: float) -> list[float]:
+    """Return how far each foot is above the floor, over the standard error."""
+    return [(z - slope_x * x - slope_y * y) / _FOOT for stands in feet for x, y, z in stands]
 
 
-def _unrolled(dog: DogDescription, looks: Sequence[Observation], feet: Feet) -> Feet:
-    """Return the feet minus the distance that they have rolled on the floor since the first observation."""
+def _rolled(dog: DogDescription, looks: Sequence[Observation]) -> Feet:
+    """Return how far the feet have rolled on the floor since the first observation, from their centre."""
     radius, start = dog.geometry.foot_radius, _leans(looks[0])
-    return [
+    return _centred(
         [
-            (x - radius * (pitch - first_pitch), y + radius * (roll - first_roll), z)
-            for (x, y, z), (roll, pitch), (first_roll, first_pitch) in zip(
-                stands, _leans(look), start, strict=True
-            )
+            [
+                (radius * (pitch - first_pitch), -radius * (roll - first_roll), 0.0)
+                for (roll, pitch), (first_roll, first_pitch) in zip(_leans(look), start, strict=True)
+            ]
+            for look in looks
         ]
-        for look, stands in zip(looks, feet, strict=True)
-    ]
+    )
 
 
 def _leans(look: Observation) -> list[tuple[float, float]]:
     """Return roll and pitch of each calf in the level frame, rad."""
     imu = MeasuredImu(look.rotation, Vector3(), Vector3())
-    angles = look.angles
-    return [
-        (imu.roll + angles[leg], imu.pitch + angles[leg + 1] + angles[leg + 2])
-        for leg in range(0, _JOINTS, 3)
-    ]
+    angles, roll, pitch = look.angles, imu.roll, imu.pitch
+    return [(roll + angles[leg], pitch + angles[leg + 1] + angles[leg + 2]) for leg in range(0, _JOINTS, 3)]
 
 
-def _centred(points: Sequence[LegPoint]) -> list[LegPoint]:
-    x, y, z = _mean(points)
-    return [(a - x, b - y, c - z) for a, b, c in points]
+def _centred(feet: Feet) -> Feet:
+    """Return the feet of each observation relative to their centre."""
+    return [[_less(place, mean) for place in stands] for stands in feet for mean in [_mean(stands)]]
+
+
+def _less(one: LegPoint, two: LegPoint) -> LegPoint:
+    return one[0] - two[0], one[1] - two[1], one[2] - two[2]
 
 
 def _mean(points: Sequence[LegPoint]) -> LegPoint:
-    x, y, z = (sum(each) / len(points) for each in zip(*points, strict=True))
-    return x, y, z
+    x, y, z = map(sum, zip(*points, strict=True))
+    count = len(points)
+    return x / count, y / count, z / count
 
 
-def _improved(
-    residuals: list[float],
-    slopes: list[list[float]],
-    values: list[float],
-    priors: list[float],
-    errors: list[float],
+def _step(
+    residuals: list[float], slopes: list[list[float]], priors: list[float], errors: list[float]
 ) -> list[float]:
-    """Return the values after one Gauss-Newton step."""
-    matrix = [[sum(map(float.__mul__, one, two)) for two in slopes] for one in slopes]
-    right = [-sum(map(float.__mul__, one, residuals)) for one in slopes]
-    for number, error in enumerate(errors):
-        matrix[number][number] += 1 / error**2
-        right[number] -= priors[number] / error
-    step = _solved(matrix, right)
-    return [value + change for value, change in zip(values, step, strict=True)]
+    """Return the changes of the values in one Gauss-Newton step."""
+    right = [
+        -sum(map(mul, one, residuals)) - prior / error
+        for one, prior, error in zip(slopes, priors, errors, strict=True)
+    ]
+    matrix = [[0.0] * _COUNT for _ in range(_COUNT)]
+    for row, one in enumerate(slopes):
+        for column in range(row + 1):
+            matrix[row][column] = matrix[column][row] = sum(map(mul, one, slopes[column]))
+        matrix[row][row] += 1 / errors[row] ** 2
+    return _solved(matrix, right)
 
 
 def _solved(matrix: list[list[float]], right: list[float]) -> list[float]:

@@ -14,6 +14,7 @@ from fleet_quadruped.check_moves import CheckMoves
 from fleet_quadruped.commissioning import at_rest, problems
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import JOINTS
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
 
@@ -85,6 +86,8 @@ def checked(dog: DogDescription, built: DogDescription, world: MujocoWorld) -> l
         rig.cycle()
         clock.advance(dog.dt)
         moves.put(rig.state())
+    if rig.mode is not BodyMode.OFF:
+        raise AssertionError(f"the check has no end: it is {rig.mode.value}")
     return problems(dog, moves.looks, moves.ended)
 
 

@@ -1,3 +1,5 @@
+import pytest
+
 from fleet.testing.clock import ManualClock
 from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.check_moves import CheckMoves
@@ -32,8 +34,12 @@ def test_a_dog_that_is_refused_is_reported_with_the_reason(dog):
     assert moves.looks == []
 
 
-def test_it_is_off_and_folded_at_its_end(rig):
+def test_it_is_off_and_folded_at_its_end(mit_dog):
+    """That it ends so with each kind of drives is a part of each whole check: test_commissioning.py."""
+    rig = Rig(mit_dog)
     rig.go(0.1)
     assert rig.request(BodyRequest.CHECK) == ""
     rig.go(30.0)
     assert (rig.mode, rig.fault) == (BodyMode.OFF, "")
+    folded = mit_dog.posture(mit_dog.poses.fold)
+    assert [motor.angle for motor in rig.sim.world.motors] == pytest.approx(folded, abs=0.05)
