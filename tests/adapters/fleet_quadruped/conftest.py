@@ -1,5 +1,6 @@
 import asyncio
 import contextlib
+import functools
 
 import pytest
 
@@ -153,7 +154,19 @@ async def _running(**changes):
         await asyncio.gather(*robot.tasks, run, return_exceptions=True)
 
 
+@pytest.fixture(scope="session")
+def quick_body(tmp_path_factory):
+    """Return the path of the example description of a dog that stands up and sits down quickly."""
+    path = tmp_path_factory.mktemp("quick") / "dog.yaml"
+    text = EXAMPLE.read_text()
+    for slow, quick in (("rise_time: 1.5", "rise_time: 0.6"), ("sit_time: 1.2", "sit_time: 0.6")):
+        assert slow in text
+        text = text.replace(slow, quick)
+    path.write_text(text)
+    return path
+
+
 @pytest.fixture
-def running():
+def running(quick_body):
     """Return what runs an adapter in real time for a block: (adapter, robot, its run)."""
-    return _running
+    return functools.partial(_running, body=quick_body)

@@ -24,7 +24,8 @@ from fleet import (
 from fleet.model.report import ImuReport, JointReport, LogReport, MetricsReport, PhotoReport
 from fleet.testing.robot import RecordingRobot, serve
 from fleet_quadruped import QuadrupedAdapter, QuadrupedConfig
-from fleet_quadruped.control.orders import DogState
+from fleet_quadruped.control.exchange import SharedValue, new_memory
+from fleet_quadruped.control.orders import DogState, Order
 from fleet_quadruped.robot.description import EXAMPLE
 
 pytestmark = pytest.mark.real_time
@@ -111,10 +112,12 @@ async def test_a_machine_that_walks_by_itself_has_no_joints_of_ours(running):
             await all_of(adapter.joint_mode())
 
 
-async def test_a_dog_that_lies_does_not_walk(running):
+async def test_a_dog_that_lies_does_not_walk_and_without_a_camera_takes_no_photo(running):
     async with running() as (adapter, _, _):
         with pytest.raises(NotReady, match="stand_up first"):
             adapter.drive(Velocity(Vector3(0.3)))
+        with pytest.raises(Unsupported, match="no camera"):
+            await adapter.take_photo()
 
 
 async def test_an_emergency_stop_damps_it_while_the_event_loop_is_stuck(running):
@@ -133,15 +136,18 @@ async def test_an_emergency_stop_damps_it_while_the_event_loop_is_stuck(running)
         assert mode == "damped"
 
 
-async def test_a_halt_at_the_same_time_loses_no_emergency_stop(running):
-    async with running() as (adapter, _, _):
-        threads = [threading.Thread(target=adapter.emergency_halt) for _ in range(20)]
-        for thread in threads:
-            thread.start()
-            adapter.halt()
-        for thread in threads:
-            thread.join()
-        assert adapter._body.order.stop == 20
+async def test_a_halt_at_the_same_time_loses_no_emergency_stop():
+    adapter, memory = QuadrupedAdapter(config(), RecordingRobot("rex")), new_memory()
+    sent, seen = SharedValue(memory, Order), SharedValue(memory, Order)
+    adapter._body.begin(SimpleNamespace(orders=sent, states=SimpleNamespace(get=DogState)), 0.005)
+    threads = [threading.Thread(target=adapter.emergency_halt) for _ in range(20)]
+    for thread in threads:
+        thread.start()
+        adapter.halt()
+    for thread in threads:
+        thread.join()
+    assert adapter._body.order.stop == seen.get().stop == 20
+    os.close(memory)
 
 
 async def test_a_latched_fault_is_reported_as_one_until_it_is_reset(running):
@@ -157,7 +163,7 @@ async def test_a_latched_fault_is_reported_as_one_until_it_is_reset(running):
 
 
 async def test_a_stop_has_not_ended_while_the_dog_still_rises(running):
-    async with running() as (adapter, robot, _):
+    async with running(body=EXAMPLE) as (adapter, robot, _):
         rising = asyncio.create_task(all_of(adapter.stand_up()))
         await robot.until(lambda: adapter._body.state.mode == "rising")
         rising.cancel()
@@ -197,7 +203,7 @@ async def test_a_stop_has_not_ended_while_an_emergency_stop_still_lowers_the_dog
 
 
 async def test_a_stop_ends_a_recovery_where_the_dog_lies(running):
-    async with running() as (adapter, robot, _):
+    async with running(body=EXAMPLE) as (adapter, robot, _):
         recovery = asyncio.create_task(all_of(adapter.recovery_stand()))
         await robot.until(lambda: adapter._body.state.mode == "recovering")
         recovery.cancel()
@@ -235,19 +241,6 @@ async def test_it_takes_a_photo_lights_its_lamp_and_tells_its_battery(running, t
     photo = robot.reports_of(PhotoReport)[0]
     assert (photo.width, photo.height) == (640, 480)
     assert robot.reports_of(BatteryReport)[0].percent == 80
-
-
-async def test_without_a_camera_a_photo_is_refused(running):
-    async with running() as (adapter, _, _):
-        with pytest.raises(Unsupported, match="no camera"):
-            await adapter.take_photo()
-
-
-async def test_a_killed_body_controller_is_a_lost_link(running):
-    async with running() as (adapter, _, run):
-        os.kill(adapter._body.process.pid, signal.SIGKILL)
-        with pytest.raises(LinkLost, match="ended with status -9"):
-            await run
 
 
 async def test_a_frozen_body_controller_is_reported_at_once_and_is_a_lost_link(running):
@@ -303,11 +296,11 @@ def test_a_dog_that_is_neither_real_nor_simulated_is_refused(changes):
         )
 
 
-async def test_what_was_asked_before_a_lost_link_is_not_done_again(running):
+async def test_a_killed_body_controller_is_a_lost_link_and_what_was_asked_is_not_done_again(running):
     async with running() as (adapter, robot, run):
         await all_of(adapter.stand_up())
         os.kill(adapter._body.process.pid, signal.SIGKILL)
-        with pytest.raises(LinkLost):
+        with pytest.raises(LinkLost, match="ended with status -9"):
             await run
         anew = type(adapter)(adapter.config, robot)
         again = asyncio.create_task(serve(anew))
