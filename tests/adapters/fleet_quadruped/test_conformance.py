@@ -84,12 +84,14 @@ def test_it_stands_walks_and_sits_down(standing):
     assert standing.fault == ""
 
 
-def test_sitting_down_and_standing_up_can_be_repeated(rig):
-    for _ in range(2):
-        rig.stand()
-        rig.request(BodyRequest.SIT)
-        rig.go(3.0)
-        assert rig.mode is BodyMode.OFF
+def test_sitting_down_and_standing_up_can_be_repeated(standing):
+    standing.request(BodyRequest.SIT)
+    standing.go(3.0)
+    assert standing.mode is BodyMode.OFF
+    standing.stand()
+    standing.request(BodyRequest.SIT)
+    standing.go(3.0)
+    assert standing.mode is BodyMode.OFF
 
 
 @pytest.mark.combinations

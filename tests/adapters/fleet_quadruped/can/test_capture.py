@@ -109,26 +109,26 @@ def test_a_line_that_is_none_is_named(tmp_path, text):
         list(read_capture(path))
 
 
-@pytest.fixture
-def failed(any_dog, capture, tmp_path):
-    """Return a dog that had a fault in mid-trot, and its capture."""
-    rig = Rig(any_dog)
+def failed(dog, capture):
+    """Return a dog that had a fault in mid-trot, captured."""
+    rig = Rig(dog)
     capture.buses["a"]._bus = rig.buses["a"]
     rig.buses = capture.buses
-    rig.controller = Controller(any_dog, capture.buses)
+    rig.controller = Controller(dog, capture.buses)
     rig.controller.configure()
     rig.stand()
-    rig.watch = lambda: capture._clock.advance(any_dog.dt)
+    rig.watch = lambda: capture._clock.advance(dog.dt)
     rig.go(1.0, Twist(0.4))
     rig.sim.fault("overcurrent", JOINTS.index("RL_hip") + 1)
     rig.go(3.0)
     capture.update(rig.fault, resting=True)
     capture.finish()
-    return rig, files(tmp_path)[0]
+    return rig
 
 
-def test_a_replay_repeats_the_reports(failed):
-    rig, path = failed
+def test_a_replay_repeats_the_reports_and_names_the_drive_and_its_fault(any_dog, capture, tmp_path):
+    rig = failed(any_dog, capture)
+    (path,) = files(tmp_path)
     replay = DriveReplay(rig.dog)
     for captured in read_capture(path):
         replay.take(captured)
@@ -136,19 +136,14 @@ def test_a_replay_repeats_the_reports(failed):
     assert tuple(joint.angle for joint in replay.reported) == pytest.approx(state.angles)
     assert tuple(joint.torque for joint in replay.reported) == pytest.approx(state.torques)
     assert replay.wanted.keys() == set(JOINTS)
-
-
-def test_a_replay_names_the_drive_and_its_fault(failed):
-    rig, path = failed
     lines = list(DriveReplay(rig.dog).lines(read_capture(path)))
     assert any("RL_hip   is fault: over-current" in line for line in lines)
     assert any(" wanted " in line and " is at " in line for line in lines)
 
 
-def test_a_person_replays_it_for_one_joint(failed):
-    rig, path = failed
-    if rig.dog.drive.protocol != "cia402":
-        return  # the example's description, which a person would name, is one of CiA 402 drives
+def test_a_person_replays_it_for_one_joint(dog, capture, tmp_path):
+    failed(dog, capture)
+    (path,) = files(tmp_path)
     result = click.testing.CliRunner().invoke(
         fleet_can, ["replay", str(EXAMPLE), str(path), "--joint", "RL_hip"], standalone_mode=False
     )

@@ -11,7 +11,7 @@ from fleet import CanFrame
 from fleet_quadruped.drives import drive_kind, drives_of
 from fleet_quadruped.drives.moteus import frames as moteus
 from fleet_quadruped.safety.stages import BodyMode
-from fleet_quadruped.sim.lockstep import lockstep
+from fleet_quadruped.sim.lockstep import SimBus
 from tests.adapters.fleet_quadruped.copies import standing_dog
 
 NUMBERS = [math.nan, math.inf, -math.inf, 3.4e38, 0.0, 1e-45]
@@ -42,7 +42,18 @@ def identifiers_of(dog):
     return [*own, *kind.shared(dog), *sensors]
 
 
+FRAMES = {}
+
+
 def any_frames(dog):
+    """Return a strategy for lists of frames, made once for each kind of drives."""
+    protocol = dog.drive.protocol
+    if protocol not in FRAMES:
+        FRAMES[protocol] = new_frames(dog)
+    return FRAMES[protocol]
+
+
+def new_frames(dog):
     """Return a strategy for lists of frames, most of them with identifiers of the dog."""
     number = st.one_of(st.sampled_from(identifiers_of(dog)), st.integers(0, 0x1FFFFFFF))
     frames = st.builds(CanFrame, number, BYTES)
@@ -55,8 +66,7 @@ def any_frames(dog):
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_any_frames_leave_feedback_that_is_made_of_numbers(any_dog, data):
-    _, buses = lockstep(any_dog)
-    drives = drives_of(any_dog, buses)
+    drives = drives_of(any_dog, {name: SimBus(name) for name in any_dog.buses})
     for frame in data.draw(any_frames(any_dog)):
         drives.take("a", frame, 1.0)
         drives.target("a", frame)
