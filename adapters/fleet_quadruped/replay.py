@@ -38,7 +38,12 @@ class DriveReplay:
         self.dog = dog
         self.drives = drives_of(dog, {name: SilentBus(name) for name in dog.buses})
         self.wanted: dict[str, float] = {}
-        self.reported: tuple[JointFeedback, ...] = self.drives.feedback(0.0).each()
+        self._time = 0.0  # of the last frame from a drive
+
+    @property
+    def reported(self) -> tuple[JointFeedback, ...]:
+        """The last feedback of the joints."""
+        return self.drives.feedback(self._time).each()
 
     def take(self, captured: Captured) -> None:
         """Apply the next frame."""
@@ -48,7 +53,7 @@ class DriveReplay:
                 self.wanted[target[0].name] = target[1]
             return
         self.drives.take(captured.bus, captured.frame, captured.time)
-        self.reported = self.drives.feedback(captured.time).each()
+        self._time = captured.time
 
     def lines(self, frames: Iterable[Captured], only: str = "") -> Iterator[str]:
         """Yield a line for each change of a drive's state or fault, and ten lines a second about one joint.
@@ -57,19 +62,24 @@ class DriveReplay:
         """
         found = list(frames)
         end = found[-1].time if found else 0.0
-        said: dict[str, tuple[str, str]] = {}
+        said: dict[str, list[str]] = {}
         due = 0.0
         for captured in found:
             self.take(captured)
             when = f"{captured.time - end:8.3f} s"
-            for joint, reported in zip(self.dog.all_joints, self.reported, strict=True):
-                now = (reported.power.value, reported.fault)
-                if said.get(joint.name) != now:
-                    said[joint.name] = now
-                    yield f"{when}  {joint.name:8} is {': '.join(filter(None, now))}"
+            for name, *now in () if captured.sent else self._states():
+                if said.get(name) != now:
+                    said[name] = now
+                    yield f"{when}  {name:8} is {': '.join(filter(None, now))}"
             if captured.time >= due and self.wanted:
                 due = captured.time + _EVERY
                 yield f"{when}  {self._farthest(only)}"
+
+    def _states(self) -> Iterator[tuple[str, str, str]]:
+        """Yield name, state and fault of each joint."""
+        feedback = self.drives.feedback(self._time)
+        for joint, power, fault in zip(self.dog.all_joints, feedback.powers, feedback.faults, strict=True):
+            yield joint.name, power.value, fault
 
     def _farthest(self, only: str) -> str:
         """Describe the joint that is farthest from its target."""

@@ -10,6 +10,7 @@ import itertools
 import math
 import struct
 from collections.abc import Callable, Mapping
+from typing import ClassVar
 
 from fleet import CanFrame
 from fleet_quadruped.drives.odrive import frames as wire
@@ -44,15 +45,6 @@ class SimOdrive(SimDampingDrive):
             OdriveCommand.VEL_GAINS: self._set_velocity_gains,
             OdriveCommand.CLEAR: self._clear,
             OdriveCommand.PARAMETER: self._parameter,
-        }
-        self._answers: Mapping[int, Callable[[], bytes]] = {
-            OdriveCommand.VERSION: self._firmware,
-            OdriveCommand.HEARTBEAT: self._heartbeat,
-            OdriveCommand.ADDRESS: self._address,
-            OdriveCommand.ESTIMATES: self._estimates,
-            OdriveCommand.TORQUES: self._torques,
-            OdriveCommand.TEMPERATURE: self._temperatures,
-            OdriveCommand.SUPPLY: self._supply,
         }
         self.hears = {wire.identifier(joint.id, command): self._hear for command in OdriveCommand}
         self.boot()
@@ -121,8 +113,8 @@ class SimOdrive(SimDampingDrive):
             self._commands[command](frame.data)
 
     def _say(self, command: int) -> None:
-        if command in self._answers:
-            data = self._answers[command]()
+        if command in self._ANSWERS:
+            data = self._ANSWERS[command](self)
             self._send(
                 CanFrame(
                     wire.identifier(self.joint.id, OdriveCommand(command)), data[:2] if self._terse else data
@@ -177,21 +169,6 @@ class SimOdrive(SimDampingDrive):
         answer = struct.pack("<BHx", 0, endpoint) + self._parameters[endpoint]
         self._send(CanFrame(wire.identifier(self.joint.id, OdriveCommand.TX_SDO), answer))
 
-    def _firmware(self) -> bytes:
-        return wire.pack_version(*self._version)
-
-    def _heartbeat(self) -> bytes:
-        return wire.pack_heartbeat(self.errors, self.state)
-
-    def _address(self) -> bytes:
-        return bytes([self.joint.id]) + self._serial + bytes(1)
-
-    def _temperatures(self) -> bytes:
-        return wire.pack_pair(self._temperature, math.nan)
-
-    def _supply(self) -> bytes:
-        return wire.pack_pair(self.voltage, 3.0)
-
     def _estimates(self) -> bytes:
         angle, speed, _ = self._units.motor(self.encoder.angle, self.motor.speed, 0.0)
         return wire.pack_pair(angle / wire.TURN, speed / wire.TURN)
@@ -199,3 +176,13 @@ class SimOdrive(SimDampingDrive):
     def _torques(self) -> bytes:
         _, _, torque = self._units.motor(0.0, 0.0, self.motor.torque)
         return wire.pack_pair(torque, torque)
+
+    _ANSWERS: ClassVar[Mapping[int, Callable[[SimOdrive], bytes]]] = {
+        OdriveCommand.VERSION: lambda self: wire.pack_version(*self._version),
+        OdriveCommand.HEARTBEAT: lambda self: wire.pack_heartbeat(self.errors, self.state),
+        OdriveCommand.ADDRESS: lambda self: bytes([self.joint.id]) + self._serial + bytes(1),
+        OdriveCommand.ESTIMATES: _estimates,
+        OdriveCommand.TORQUES: _torques,
+        OdriveCommand.TEMPERATURE: lambda self: wire.pack_pair(self._temperature, math.nan),
+        OdriveCommand.SUPPLY: lambda self: wire.pack_pair(self.voltage, 3.0),
+    }

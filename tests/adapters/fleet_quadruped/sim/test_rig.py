@@ -7,6 +7,7 @@ from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.rig import Rig
+from tests.adapters.fleet_quadruped.copies import copied, stood_up, stood_up_in_physics
 
 
 @pytest.fixture
@@ -118,3 +119,25 @@ def test_a_dog_may_be_built_otherwise_than_its_controller_believes(mit_dog):
     rig.go(0.05)
     measured = rig.state().angles[7]
     assert measured - rig.sim.world.motors[7].angle == pytest.approx(0.2, abs=0.01)
+
+
+@pytest.mark.combinations
+@pytest.mark.parametrize("make", [stood_up, stood_up_in_physics])
+def test_a_copy_does_what_the_rig_would_have_done_and_leaves_it_as_it_is(any_dog, make):
+    original = make(any_dog)
+    before = original.state()
+    copies = [walked(copied(original)) for _ in range(2)]
+    assert original.state() == before
+    assert copies[0] == copies[1] == walked(original)
+
+
+def walked(rig):
+    """Return what becomes of a standing dog on bad wires: its states, its motors and what it was sent."""
+    seen = []
+    rig.sim.fault("loss", 0.05)
+    rig.watch = lambda: seen.append((rig.state(), str(rig.sim.world.motors), list(rig.buses["a"].sent)))
+    rig.go(0.5, Twist(0.4, 0.1, 0.3))
+    rig.emergency()
+    rig.go(0.2)
+    assert len(seen) == 70
+    return seen
