@@ -53,7 +53,8 @@ def test_a_drive_in_a_state_of_its_own_is_not_trusted(odrives):
 
 def test_a_drive_whose_heartbeat_does_not_come_is_not_trusted(odrives):
     rig = standing_dog(odrives)
-    rig.sim.drives[7]._answers = {OdriveCommand.ESTIMATES: rig.sim.drives[7]._estimates}
+    drive = rig.sim.drives[7]
+    drive._ANSWERS = {OdriveCommand.ESTIMATES: type(drive)._estimates}
     rig.go(0.5)
     assert rig.mode is BodyMode.DAMPED
     assert rig.fault.startswith("RL_hip: no heartbeat (command 01h) from id 8 for 0.3")
