@@ -107,6 +107,14 @@ def test_a_target_moves_with_its_velocity(bench):
     assert (bench.motor.target_speed, bench.motor.feed) == pytest.approx((1.0, 3.0))
 
 
+def test_a_command_keeps_nothing_of_the_one_before(bench):
+    bench.obey(turns=-1.0 / TURN, speed=-2.0 / TURN, torque=-1.5, kp=0.5, kd=0.25)
+    bench.mode(wire.OBEYS).go(DT)  # only the mode: all else has its default
+    motor = bench.motor
+    assert (motor.target_speed, motor.feed) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert (motor.kp, motor.kd) == pytest.approx((120.0, 5.0))
+
+
 @pytest.mark.parametrize(
     ("kp", "kd", "gains"),
     [(1.0, 1.0, (120.0, 5.0)), (0.5, 0.25, (60.0, 1.25)), (0.25, 1.0, (30.0, 1.25)), (0.0, 1.0, (0.0, 0.0))],
