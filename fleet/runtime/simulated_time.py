@@ -6,10 +6,12 @@ always happens at the same time.
 
 from __future__ import annotations
 
+import asyncio
 import selectors
-from asyncio import AbstractEventLoop, SelectorEventLoop
+from asyncio import AbstractEventLoop, Handle, SelectorEventLoop
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextvars import Context
 from typing import Any
 
 EPOCH = 1_800_000_000.0  # Unix s at which simulated time begins
@@ -31,7 +33,7 @@ class LoopClock:
         return EPOCH + self._loop.time() - self._began
 
 
-class _JumpingSelector(selectors.SelectSelector):
+class _JumpingSelector(selectors.DefaultSelector):
     """Selector that never waits: it advances the loop's time by the time-out instead."""
 
     def __init__(self) -> None:
@@ -74,3 +76,11 @@ class JumpingLoop(SelectorEventLoop):
     def time(self) -> float:
         """Return the seconds skipped so far, from an arbitrary start."""
         return 1000.0 + self._jumping.jumped
+
+    def call_soon_threadsafe(
+        self, callback: Callable[..., object], *arguments: Any, context: Context | None = None
+    ) -> Handle:
+        """Schedule a call from any thread; on its own thread the loop is awake, and is not woken by a socket."""
+        if asyncio._get_running_loop() is self:  # noqa: SLF001 - public, for event loops
+            return self.call_soon(callback, *arguments, context=context)
+        return super().call_soon_threadsafe(callback, *arguments, context=context)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from fleet import Polygon, polygon_contains
 from fleet_mavlink.sim.local_frame import Ned
@@ -37,8 +36,7 @@ def _corner(pilot: Autopilot, item: Item) -> tuple[float, float]:
     return north, east
 
 
-@dataclass(frozen=True, slots=True)
-class FenceBounds:
+class FenceBounds(NamedTuple):
     """Bounds of a fence: the ``kinds`` that are checked, and metres above and around home; 0 is no bound."""
 
     kinds: int
@@ -72,9 +70,11 @@ def _is_outside(pilot: Autopilot, place: Ned, bounds: FenceBounds) -> bool:
     """Return True if a local position is out of bounds."""
     north, east, down = place
     kinds, height, radius = bounds.kinds, bounds.height, bounds.radius
-    home_north, home_east, home_down = pilot.home.ned()
-    over = kinds & HEIGHT and height > 0 and home_down - down > height
-    away = kinds & CIRCLE and radius > 0 and math.hypot(north - home_north, east - home_east) > radius
+    over, away = kinds & HEIGHT and height > 0, kinds & CIRCLE and radius > 0
+    if over or away:
+        home_north, home_east, home_down = pilot.home.ned()
+        over = over and home_down - down > height
+        away = away and math.hypot(north - home_north, east - home_east) > radius
     if over or away or not kinds & POLYGON:
         return bool(over or away)
     inclusions = list(polygons(pilot, _INSIDE))

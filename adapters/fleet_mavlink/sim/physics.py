@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 GRAVITY = 9.81  # m/s2
 
 
-@dataclass(frozen=True, slots=True)
-class Aim:
+class Aim(NamedTuple):
     """Motion that the autopilot requests.
 
     Velocity is m/s in NED. ``heading`` (radians from north) overrides ``turn_rate`` (radians per second,
