@@ -2,6 +2,7 @@
 
 import asyncio
 import inspect
+import itertools
 import math
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from fleet_mavlink.vehicle import Vehicle
 RECORDINGS = Path(__file__).parents[2] / "data" / "mavlink"
 TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"
 AUTOPILOTS = {"ardupilot": 3, "px4": 12}
+STEPS = {"ardupilot": 0.05, "px4": 0.02}  # s of a flight; PX4 says something 50 times a second, ArduPilot 10 times
 
 
 def framed(message, *, system=1, component=1):
@@ -53,10 +55,16 @@ def blank(kind):
     return kind(*values[: len(inspect.signature(kind).parameters)])
 
 
+@pytest.fixture(scope="session")
+def caches(tmp_path_factory):
+    """Name a folder that is not there yet for each test; most of them never write into it."""
+    return map(tmp_path_factory.mktemp("caches").joinpath, map(str, itertools.count()))
+
+
 @pytest.fixture(autouse=True)
-def own_cache(tmp_path, monkeypatch):
+def own_cache(caches, monkeypatch):
     """Keep what vehicles serve out of the user's folders."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(next(caches)))
 
 
 @pytest.fixture
@@ -203,11 +211,12 @@ class SimFlight(Operator):
         return b"" if self.mute else b"".join(frames)
 
     async def _turn(self):
+        step = STEPS[self.sim.flavour]
         while True:
             frames = self.wire.step(self.now)
             if frames and self.radio and not self.mute:
                 self._peer.say(b"".join(frames))
-            await asyncio.sleep(0.02)
+            await asyncio.sleep(step)
 
     def send_from_station(self, *messages):
         """Let another station, 255/190, say something to the vehicle."""

@@ -1,6 +1,7 @@
 """The vocabulary for each type of vehicle: what is there works or says why not, what is not is refused."""
 
 import asyncio
+import contextlib
 import itertools
 
 import pytest
@@ -52,6 +53,7 @@ TASKS = {
     "plan": FlyMission("m", (PlanItem("waypoint", GeoPoint(47.3978, 8.5456, 5.0)),)),
 }
 COMMANDS = sorted(MavlinkAdapter.commands())
+NAMES = (*DIRECTIONS, *TASKS, *COMMANDS)
 MOVING = {
     "cancel_takeoff",
     "cancel_landing",
@@ -81,30 +83,49 @@ async def tried(it, name):
     return ""
 
 
-@pytest.mark.parametrize("vehicle", VEHICLES)
-@pytest.mark.parametrize("name", [*DIRECTIONS, *TASKS, *COMMANDS])
-def test_each_name_is_taken_or_refused_with_the_words_of_the_table(
-    run_in_sim_time, sim_flight, vehicle, name
-):
-    flavour, kind, vehicle_type = VEHICLES[vehicle]
+@pytest.fixture
+def met(sim_flight):
+    """Meet a vehicle on the ground, until it is known what it lacks."""
 
-    async def main():
+    @contextlib.asynccontextmanager
+    async def meet(vehicle):
+        flavour, kind, vehicle_type = VEHICLES[vehicle]
         async with sim_flight(flavour, vehicle=kind) as it:
             if vehicle_type is not None:
                 it.sim.pilot.vehicle_type = vehicle_type
             await it.until(lambda: it.robot.is_connected and it.state.home is not None)
             await it.until(lambda: it.state.vtol_state == it.sim.pilot.vtol_state())
             await it.until(lambda: it.robot.lacking == missing_commands(it.state))
+            yield it
+
+    return meet
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES)
+def test_each_name_that_a_vehicle_lacks_is_refused_with_the_words_of_the_table(run_in_sim_time, met, vehicle):
+    async def main():
+        async with met(vehicle) as it:
             lacking = missing_commands(it.state)
-            it.order.clear()
-            refusal = await tried(it, name)
-            if name in lacking and name not in MOVING:
-                assert refusal == lacking[name]
-                assert 400 not in it.order, "it was not armed"
-                assert not {22, 21, 20, 192} & set(it.order), "nothing that moves it was sent"
-                assert it.setpoints == []
-            elif name not in lacking:
-                assert "not moved" not in refusal
+            for name in NAMES:
+                if name in lacking and name not in MOVING:
+                    it.order.clear()
+                    assert await tried(it, name) == lacking[name], name
+                    assert 400 not in it.order, f"{name}: it was armed"
+                    assert not {22, 21, 20, 192} & set(it.order), f"{name}: what moves it was sent"
+                    assert it.setpoints == [], name
+
+    run_in_sim_time(main())
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES)
+def test_each_name_that_a_vehicle_has_is_taken(run_in_sim_time, met, vehicle):
+    async def main():
+        async with met(vehicle) as it:
+            lacking = missing_commands(it.state)
+        for name in NAMES:
+            if name not in lacking:
+                async with met(vehicle) as it:
+                    assert "not moved" not in await tried(it, name), name
 
     run_in_sim_time(main())
 
