@@ -69,7 +69,7 @@ def test_the_verbs_are_those_of_the_host():
 async def tried(it, name):
     """Do what a name says, for a moment; return why it was refused, empty when it was taken."""
     try:
-        async with asyncio.timeout(20.0):
+        async with asyncio.timeout(6.0):
             if name in DIRECTIONS:
                 await it.drive(DIRECTIONS[name], 0.3)
             elif name in TASKS:
