@@ -75,7 +75,7 @@ class Drive:
         return math.dist((at.x, at.y), point), math.degrees(abs(wrap_angle(at.yaw - yaw)))
 
 
-@settings(max_examples=8)
+@settings(max_examples=10)
 @given(SEEDS)
 def test_it_arrives_at_random_goals_one_after_another_by_its_own_reckoning(seed):
     rng = random.Random(seed)
