@@ -80,7 +80,7 @@ class JumpingLoop(SelectorEventLoop):
     def call_soon_threadsafe(
         self, callback: Callable[..., object], *arguments: Any, context: Context | None = None
     ) -> Handle:
-        """Schedule a call from any thread; on its own thread the loop is awake, and is not woken by a socket."""
+        """Schedule a call from any thread; from its own the loop is not woken by a socket: it is awake."""
         if asyncio._get_running_loop() is self:  # noqa: SLF001 - public, for event loops
             return self.call_soon(callback, *arguments, context=context)
         return super().call_soon_threadsafe(callback, *arguments, context=context)

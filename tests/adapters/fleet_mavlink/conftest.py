@@ -24,7 +24,10 @@ from fleet_mavlink.vehicle import Vehicle
 RECORDINGS = Path(__file__).parents[2] / "data" / "mavlink"
 TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"
 AUTOPILOTS = {"ardupilot": 3, "px4": 12}
-STEPS = {"ardupilot": 0.05, "px4": 0.02}  # s of a flight; PX4 says something 50 times a second, ArduPilot 10 times
+STEPS = {
+    "ardupilot": 0.05,
+    "px4": 0.02,
+}  # s; PX4 sends 50 times a second, ArduPilot 10 times
 
 
 def framed(message, *, system=1, component=1):

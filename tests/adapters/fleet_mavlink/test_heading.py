@@ -9,7 +9,6 @@ from fleet import FollowPath, Goal, GoTo, Refused, RelativeMove, TimedOut, Vecto
 
 HABITS = [("ardupilot", "WP_YAW_BEHAVIOR", value) for value in (0, 1, 2, 3)]
 HABITS += [("px4", "MPC_YAW_MODE", value) for value in (0, 1, 2, 3, 4)]
-every_habit = pytest.mark.parametrize(("flavour", "parameter", "value"), HABITS)
 both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 THERE_AND_BACK = [
     Vector3(-5.0, 0.0, 0.0),
@@ -45,58 +44,58 @@ async def turned_to(it, degrees):
     """Take off, and turn the nose away from north."""
     await it.wait_until_known()
     await it.do("takeoff", altitude=6.0)
+    await turns(it, degrees)
+
+
+async def turns(it, degrees):
+    """Turn the nose above its start."""
     goal = Goal(position=Vector3(0.0, 0.0, 6.0), yaw=math.radians(90.0 - degrees))
     async for _ in it.adapter.navigate(GoTo(goal)):
         pass
 
 
-@every_habit
-def test_moves_by_a_distance_keep_the_nose_and_come_back(
+async def moves_by_distances(it, nose):
+    """Move there and back along its own axes."""
+    before = it.place
+    for step in THERE_AND_BACK:
+        await flown(it, RelativeMove(step), nose)
+    assert it.place == pytest.approx(before, abs=1.0)
+
+
+async def flies_to_goals(it, nose):
+    """Fly to a goal and along a path without a yaw, and climb."""
+    await flown(it, GoTo(Goal(position=Vector3(0.0, 8.0, 6.0))), nose)
+    path = (Goal(position=Vector3(6.0, 0.0, 5.0)), Goal(position=Vector3(0.0, 0.0, 6.0)))
+    await flown(it, FollowPath(path), nose)
+    await it.do("ascend", distance=2.0)
+    nose.look()
+
+
+async def is_driven_sideways(it, nose):
+    """Fly by a velocity of its body."""
+    for _ in range(4):
+        await it.drive(Velocity(Vector3(0.0, 1.5, 0.0)), 1.0)
+        nose.look()
+    await it.adapter.stop("hover")
+    nose.look()
+
+
+MOVES = ((60.0, moves_by_distances), (200.0, flies_to_goals), (120.0, is_driven_sideways))
+
+
+@pytest.mark.parametrize(("flavour", "parameter", "value"), HABITS)
+def test_whatever_is_flown_without_a_yaw_keeps_the_nose(
     run_in_sim_time, sim_flight, flavour, parameter, value
 ):
     async def main():
         async with sim_flight(flavour) as it:
             await turned_to(it, 60.0)
             await it.do("set_parameter", name=parameter, value=value, force=True)
-            before, nose = it.place, Nose(it)
-            for step in THERE_AND_BACK:
-                await flown(it, RelativeMove(step), nose)
-            assert nose.most < 0.1
-            assert it.place == pytest.approx(before, abs=1.0)
-
-    run_in_sim_time(main())
-
-
-@every_habit
-def test_goals_and_paths_without_a_yaw_keep_the_nose(run_in_sim_time, sim_flight, flavour, parameter, value):
-    async def main():
-        async with sim_flight(flavour) as it:
-            await turned_to(it, 200.0)
-            await it.do("set_parameter", name=parameter, value=value, force=True)
-            nose = Nose(it)
-            await flown(it, GoTo(Goal(position=Vector3(0.0, 8.0, 6.0))), nose)
-            path = (Goal(position=Vector3(6.0, 0.0, 5.0)), Goal(position=Vector3(0.0, 0.0, 6.0)))
-            await flown(it, FollowPath(path), nose)
-            await it.do("ascend", distance=2.0)
-            nose.look()
-            assert nose.most < 0.1
-
-    run_in_sim_time(main())
-
-
-@every_habit
-def test_a_body_velocity_sideways_does_not_spin_it(run_in_sim_time, sim_flight, flavour, parameter, value):
-    async def main():
-        async with sim_flight(flavour) as it:
-            await turned_to(it, 120.0)
-            await it.do("set_parameter", name=parameter, value=value, force=True)
-            nose = Nose(it)
-            for _ in range(4):
-                await it.drive(Velocity(Vector3(0.0, 1.5, 0.0)), 1.0)
-                nose.look()
-            await it.adapter.stop("hover")
-            nose.look()
-            assert nose.most < 0.1
+            for degrees, moves in MOVES:
+                await turns(it, degrees)
+                nose = Nose(it)
+                await moves(it, nose)
+                assert nose.most < 0.1, moves.__name__
 
     run_in_sim_time(main())
 

@@ -24,6 +24,7 @@ async def ended(doing):
         await asyncio.gather(task, return_exceptions=True)
 
 
+@pytest.mark.combinations
 @both
 @pytest.mark.parametrize("altitude", HEIGHTS)
 def test_it_takes_off_to_any_height(run_in_sim_time, sim_flight, flavour, altitude):
