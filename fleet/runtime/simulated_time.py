@@ -12,8 +12,9 @@ from asyncio import AbstractEventLoop, Handle, SelectorEventLoop
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextvars import Context
-from typing import Any
+from typing import Any, TypeVarTuple
 
+Arguments = TypeVarTuple("Arguments")
 EPOCH = 1_800_000_000.0  # Unix s at which simulated time begins
 
 
@@ -78,7 +79,10 @@ class JumpingLoop(SelectorEventLoop):
         return 1000.0 + self._jumping.jumped
 
     def call_soon_threadsafe(
-        self, callback: Callable[..., object], *arguments: Any, context: Context | None = None
+        self,
+        callback: Callable[[*Arguments], object],
+        *arguments: *Arguments,
+        context: Context | None = None,
     ) -> Handle:
         """Schedule a call from any thread; from its own the loop is not woken by a socket: it is awake."""
         if asyncio._get_running_loop() is self:  # noqa: SLF001 - public, for event loops
