@@ -1,13 +1,16 @@
-"""Probe process of drop-in files, shared by all tests whose files have the same text.
+"""Probe processes of drop-in files, shared by all tests whose files have the same text.
 
-An edge starts a probe whenever it reads its fleet.yaml, which takes a sixth of a second of processor time,
+An edge starts a probe whenever it reads its fleet.yaml, which takes a third of a second of processor time,
 and most tests of edges read the same plugin several times. ``tests/fleet/plugins`` tests the processes.
 """
 
 import threading
 from pathlib import Path
 
-from fleet.plugins.probe import CheckedConfig, ConfigCase, DropInContent, Probe
+from fleet.plugins.probe import CheckedConfig, ConfigCase, DropInContent, Probe, ProbeError
+
+KEPT = 4
+"""Processes that wait for the next test with the same file."""
 
 
 class SharedProbe:
@@ -15,13 +18,15 @@ class SharedProbe:
 
     def __init__(self, file: Path) -> None:
         self._probe = Probe(file)
-        self._text = file.read_text()
         self._lock = threading.Lock()  # two edges of a test may ask at once
         self._found: DropInContent | None = None
 
-    def probe(self, path: Path) -> "Probe | SharedProbe":
-        """Return what a registry takes for the probe of a file: one of its own for any other text."""
-        return self if path.read_text() == self._text else Probe(path)
+    def is_usable(self) -> bool:
+        """Return False for a process that has ended, and for a file whose report names its folder."""
+        try:
+            return not self.found().reports and self._probe._process.poll() is None
+        except ProbeError:
+            return False
 
     def found(self) -> DropInContent:
         """Return what the file has."""
@@ -42,3 +47,28 @@ class SharedProbe:
     def end(self) -> None:
         """End the process."""
         self._probe.close()
+
+
+class SharedProbes:
+    """The last few files that were inspected, by their name and text."""
+
+    def __init__(self) -> None:
+        self._probes: dict[tuple[str, str], SharedProbe] = {}
+
+    def probe(self, path: Path) -> SharedProbe:
+        """Return what a registry takes for the probe of a file."""
+        of = path.name, path.read_text()
+        shared = self._probes.pop(of, None)
+        if shared is None or not shared.is_usable():
+            if shared is not None:
+                shared.end()
+            shared = SharedProbe(path)
+        self._probes[of] = shared  # as the last one that was used
+        if len(self._probes) > KEPT:
+            self._probes.pop(next(iter(self._probes))).end()
+        return shared
+
+    def end(self) -> None:
+        """End all processes."""
+        for shared in self._probes.values():
+            shared.end()

@@ -8,8 +8,6 @@ import contextlib
 import json
 import random
 import signal
-import subprocess
-import sys
 import uuid
 
 import msgspec
@@ -21,6 +19,7 @@ from fleet.config.load import load
 from fleet.host.edge.last_configuration import last_configuration
 from fleet.model.change import ChangesRequest
 from fleet.spool.state_folder import state_folder
+from tests.fleet.host.mortal_edge import started
 
 HERE = {"worker": "main"}
 STEPS = (
@@ -36,37 +35,6 @@ STEPS = (
     "fleet.host.edge.last_configuration:create_folder",
 )
 """Where the edge is killed: before a robot is built, known to stops, known to all, run, and so on."""
-EDGE = """
-import asyncio, importlib, os, pathlib, signal, sys
-from fleet.clock import SystemClock
-from fleet.config.load import load
-from fleet.host.edge.edge import Edge
-from fleet.host.edge.last_configuration import FILE
-from fleet.host.requests.stop_cause import local_cause
-from fleet.spool.state_folder import state_folder
-
-file, runtime, step = sys.argv[1:]
-
-async def main():
-    edge = Edge(load(pathlib.Path(file)), directory=pathlib.Path(runtime), clock=SystemClock())
-    running = asyncio.create_task(edge.run(asyncio.Event()))
-    written = state_folder(edge.process.edge, edge._config.edge.spool.path) / FILE
-    while not (written.exists() and all(state.health == "ok" for state in edge.states())):
-        await asyncio.sleep(0.05)
-    await asyncio.to_thread(edge.process.stop_robots, ("max",), local_cause("", "test"))
-    if step:
-        module, _, name = step.partition(":")
-        owner = importlib.import_module(module)
-        *path, last = name.split(".")
-        for part in path:
-            owner = getattr(owner, part)
-        assert hasattr(owner, last), step
-        setattr(owner, last, lambda *_, **__: os.kill(os.getpid(), signal.SIGKILL))
-    print("ready", flush=True)
-    await running
-
-asyncio.run(main())
-"""
 
 
 def changed(place):
@@ -83,23 +51,20 @@ def changed(place):
 
 def killed(place, step, *, after=None):
     """Run the edge until it is killed in the middle of a change."""
-    command = [sys.executable, "-c", EDGE, place.file, place.runtime, step]
     with contextlib.ExitStack() as stack:
-        edge = stack.enter_context(
-            subprocess.Popen(list(map(str, command)), stdout=subprocess.PIPE, text=True)
-        )
+        edge, ready = started(place.file, place.runtime, step)
         stack.callback(edge.kill)  # one that survived the step must not be waited for
-        assert edge.stdout.readline() == "ready\n"
+        stack.enter_context(ready)
+        assert ready.recv() == "ready"
         changed(place)
         session = place.bus_session()
         requested = msgspec.json.encode(ChangesRequest("apply"))
         ended = session.request(keys.changes(place.id), requested, timeout=30)
         if after is not None:
-            try:
-                edge.wait(after)
-            except subprocess.TimeoutExpired:
-                edge.kill()
-        assert edge.wait(60) == -signal.SIGKILL
+            edge.join(after)
+            edge.kill()
+        edge.join(60)
+        assert edge.exitcode == -signal.SIGKILL
         session.close()
         list(ended)
 

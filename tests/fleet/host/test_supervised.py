@@ -185,7 +185,9 @@ def run(yard):
     def run(worker, kind="tcp"):
         cart = Cart(kind)
         place = yard(rex={"adapter": "cart", "worker": worker, "link": cart.link})
-        (place.file.parent / "plugins" / "cart.py").write_text(CART)
+        plugins = place.file.parent / "plugins"
+        (plugins / "toy.py").unlink()  # else each start of the edge would inspect it, too
+        (plugins / "cart.py").write_text(CART)
         started.append(Run(place, cart))
         return started[-1]
 
