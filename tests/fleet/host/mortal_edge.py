@@ -42,7 +42,7 @@ async def _main(file: Path, runtime: Path, step: str, ready: Connection) -> None
     edge = Edge(load(file), directory=runtime, clock=SystemClock())
     running = asyncio.create_task(edge.run(asyncio.Event()))
     written = state_folder(edge.process.edge, edge._config.edge.spool.path) / FILE
-    while not (written.exists() and all(state.health == "ok" for state in edge.states())):
+    while not (written.exists() and all(state.health == "ok" for state in edge.states())):  # noqa: ASYNC110
         await asyncio.sleep(0.05)
     await asyncio.to_thread(edge.process.stop_robots, ("max",), local_cause("", "test"))
     if step:

@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import json
-import sys
 import threading
 
 import msgspec
@@ -448,17 +447,7 @@ async def test_a_stop_under_a_new_name_outlives_an_edge_that_ends_before_its_wor
     assert latched
 
 
-async def fleet(*arguments):
-    """Run the command line; return its exit code, and what it wrote to stdout and stderr."""
-    pipe = asyncio.subprocess.PIPE
-    process = await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "fleet", *arguments, stdout=pipe, stderr=pipe
-    )
-    out, err = await process.communicate()
-    return process.returncode, out.decode(), err.decode()
-
-
-async def test_an_edge_of_an_older_fleet_is_named_in_one_line(yard):
+async def test_an_edge_of_an_older_fleet_is_named_in_one_line(yard, fleet):
     place = yard(rex=HERE)
     with contextlib.closing(open_edge(BusSettings(place.id), place.runtime)) as bus:
         state = b'{"edge":"%s","version":"0.1.0","stamp":1.0,"uptime":1.0,"of_later":1}' % place.id.encode()
@@ -473,7 +462,9 @@ async def test_an_edge_of_an_older_fleet_is_named_in_one_line(yard):
     assert "it runs fleet 0.1.0" in err
 
 
-async def test_a_person_sees_and_applies_the_changes_and_what_is_left_after_the_end(yard, run_edge, requests):
+async def test_a_person_sees_and_applies_the_changes_and_what_is_left_after_the_end(
+    yard, run_edge, requests, fleet
+):
     async with running(yard, run_edge, requests, rex=HERE, max=HERE) as field:
         file = str(field.place.file)
         assert await fleet("diff", file) == (0, "untouched: 2 robots: rex, max\n", "")

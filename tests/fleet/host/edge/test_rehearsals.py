@@ -7,7 +7,6 @@ import sys
 
 import pytest
 
-from fleet.cli.main import main
 from fleet.host.edge import rehearsals
 from fleet.spool.state_folder import state_folder
 
@@ -22,18 +21,6 @@ PATROL = {
     ],
     "rehearse": "required",
 }
-
-
-@pytest.fixture
-def fleet(capsys):
-    """Run one command line on a thread; gives its code and what it says."""
-
-    async def fleet(*arguments):
-        code = await asyncio.to_thread(main, arguments)
-        said = capsys.readouterr()
-        return code, said.out, said.err
-
-    return fleet
 
 
 @pytest.fixture

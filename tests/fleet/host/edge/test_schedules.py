@@ -10,7 +10,6 @@ from datetime import UTC, datetime
 
 import pytest
 
-from fleet.cli.main import main
 from fleet.model.event import EventKind, EventReport
 from fleet.schedules.runner import Schedules, StartResult
 from fleet.schedules.store import FiringStore
@@ -54,18 +53,6 @@ async def scheduled(yard):
     edge = place.edge()
     edge.schedules.starter = Runs()
     return place, edge, edge.schedules.starter
-
-
-@pytest.fixture
-def fleet(capsys):
-    """Run one command line on a thread; gives its code and what it says."""
-
-    async def fleet(*arguments):
-        code = await asyncio.to_thread(main, arguments)
-        said = capsys.readouterr()
-        return code, said.out, said.err
-
-    return fleet
 
 
 async def test_schedules_are_listed_switched_and_started_by_the_command_line(scheduled, run_edge, fleet):
