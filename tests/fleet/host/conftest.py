@@ -18,6 +18,7 @@ from fleet.adapter import Adapter, AdapterConfig, Robot
 from fleet.bus.bus import join_control
 from fleet.bus.settings import BusSettings
 from fleet.bus.zenoh_session import ZenohSession
+from fleet.cli.main import main
 from fleet.clock import SystemClock
 from fleet.commands import command
 from fleet.config.load import load
@@ -412,3 +413,15 @@ def block_log(name: str) -> Iterator[None]:
 @pytest.fixture
 def blocked_log() -> Any:
     return block_log
+
+
+@pytest.fixture
+def fleet(capsys: pytest.CaptureFixture[str]) -> Any:
+    """Run one command line on a thread, beside an edge; gives its exit code, and its output and errors."""
+
+    async def fleet(*arguments: str) -> tuple[int, str, str]:
+        code = await asyncio.to_thread(main, arguments)
+        said = capsys.readouterr()
+        return code, said.out, said.err
+
+    return fleet

@@ -294,17 +294,13 @@ def serve_group(serve):
     return lambda: serve(groups={"all": list(robots)}, **robots)
 
 
-async def test_the_command_line_starts_a_group_at_one_instant(serve_group, requests):
+async def test_the_command_line_starts_a_group_at_one_instant(serve_group, requests, fleet):
     async with serve_group() as (place, _, _):
-        requested = await asyncio.to_thread(
-            lambda: run_fleet("send", "all", "walk", "--at", "+4s").communicate()
-        )
-        assert sorted(requested[0].splitlines()) == [
-            f"{name}: walk done" for name in ("arm", "max", "rex")
-        ], requested
+        _, out, err = await fleet("send", "all", "walk", "--at", "+4s")
+        assert sorted(out.splitlines()) == [f"{name}: walk done" for name in ("arm", "max", "rex")], err
         await requests.until(lambda: len(walked(place)) == 3)
         assert max(walked(place)) - min(walked(place)) < LOADED
-        assert "3 of 3 ok" in requested[1]
+        assert "3 of 3 ok" in err
 
 
 async def test_a_command_line_that_is_killed_before_the_instant_starts_nobody(serve_group, requests):
@@ -319,12 +315,11 @@ async def test_a_command_line_that_is_killed_before_the_instant_starts_nobody(se
         assert walked(place) == []
 
 
-async def test_the_command_line_says_for_each_robot_why_nobody_was_started(serve_group):
+async def test_the_command_line_says_for_each_robot_why_nobody_was_started(serve_group, fleet):
     async with serve_group() as (place, edge, _):
         edge.process.stop_robots(("max",), _cause())
-        requested = run_fleet("send", "all", "walk", "--at", "+4s")
-        out, err = await asyncio.to_thread(requested.communicate)
-        assert requested.returncode == 5, (out, err)
+        code, out, err = await fleet("send", "all", "walk", "--at", "+4s")
+        assert code == 5, (out, err)
         lines = dict(line.split(": ", 1) for line in out.splitlines())
         assert lines["max"].startswith("walk rejected: emergency stop is set (test); release it first")
         assert all("walk rejected: not started" in lines[name] for name in ("rex", "arm")), lines

@@ -3,7 +3,6 @@
 import asyncio
 import json
 import re
-import sys
 
 import msgspec
 import pytest
@@ -12,16 +11,6 @@ from fleet.bus import keys
 from fleet.model.command import Reply
 
 GOTO = {"command": "goto", "position": [1.0, 2.0, 0.0], "action_id": "a1"}
-
-
-async def fleet(*arguments):
-    """Run the command line; return its exit code, and what it wrote to stdout and stderr."""
-    pipe = asyncio.subprocess.PIPE
-    process = await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "fleet", *arguments, stdout=pipe, stderr=pipe
-    )
-    out, err = await process.communicate()
-    return process.returncode, out.decode(), err.decode()
 
 
 class Field:
@@ -70,7 +59,7 @@ async def field(yard, run_edge, requests):
         await asyncio.to_thread(bus_session.close)
 
 
-async def test_a_changed_file_is_in_use_after_it_and_the_edge_runs_on(field):
+async def test_a_changed_file_is_in_use_after_it_and_the_edge_runs_on(field, fleet):
     (before,) = field.place.processes("arm")
     field.change('self.note("run")', 'self.note("run"); self.note("changed")')
     code, out, _ = await fleet("adapters", "reload", "toy", "-f", str(field.place.file))
@@ -81,7 +70,7 @@ async def test_a_changed_file_is_in_use_after_it_and_the_edge_runs_on(field):
     assert len(field.place.processes("rex")) == 1
 
 
-async def test_a_person_learns_why_it_is_refused(field):
+async def test_a_person_learns_why_it_is_refused(field, fleet):
     await field.say("leg", GOTO, kind="navigate")
     await field.until(lambda: "navigate" in field.place.words("leg"))
     code, out, err = await fleet("adapters", "reload", "toy", "-f", str(field.place.file))
@@ -91,6 +80,8 @@ async def test_a_person_learns_why_it_is_refused(field):
     code, _, err = await fleet("adapters", "reload", "toi", "-f", str(field.place.file))
     assert code == 5
     assert "no running robot has the adapter 'toi'" in err
+    reply = await field.reload("lawnmower")
+    assert reply.reason == "worker limbs runs no drop-in file with the adapter 'lawnmower'"
 
 
 async def test_it_is_refused_while_a_robot_of_the_worker_is_commanded(field):
@@ -105,30 +96,22 @@ async def test_it_is_refused_while_a_robot_of_the_worker_is_commanded(field):
     assert (await field.reload()).ok
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "expected"),
-    [
-        ("class Toy", "class Toy(", r"toy\.py: .*SyntaxError|toy\.py: .*syntax"),
-        ('Literal["toy"]', 'Literal["other"]', r"toy\.py: it has no adapter 'toy' any more"),
-        (
-            "journal: str",
-            "journal: int",
-            r"arm: the changed file refuses its config: journal: must",
-        ),
-    ],
+UNUSABLE = (
+    ("class Toy", "class Toy(", r"toy\.py: .*SyntaxError|toy\.py: .*syntax"),
+    ('Literal["toy"]', 'Literal["other"]', r"toy\.py: it has no adapter 'toy' any more"),
+    ("journal: str", "journal: int", r"arm: the changed file refuses its config: journal: must"),
 )
-async def test_a_changed_file_that_cannot_be_used_leaves_the_old_one_in_use(field, old, new, expected):
-    field.change(old, new)
-    reply = await field.reload()
-    assert not reply.ok
-    assert re.search(expected, reply.reason), reply.reason
-    assert len(field.place.processes("arm")) == 1
-    assert field.state("arm").health == "ok"
 
 
-async def test_what_a_worker_does_not_run_is_reported(field):
-    reply = await field.reload("lawnmower")
-    assert reply.reason == "worker limbs runs no drop-in file with the adapter 'lawnmower'"
+async def test_a_changed_file_that_cannot_be_used_leaves_the_old_one_in_use(field):
+    for old, new, expected in UNUSABLE:
+        field.change(old, new)
+        reply = await field.reload()
+        assert not reply.ok
+        assert re.search(expected, reply.reason), reply.reason
+        assert len(field.place.processes("arm")) == 1
+        assert field.state("arm").health == "ok"
+        field.change(new, old)
 
 
 async def test_an_emergency_stop_outlives_it(field):
