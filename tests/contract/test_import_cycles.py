@@ -18,13 +18,14 @@ def module_names(root):
 
 
 def imports_at_run_time(node: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
-    """Yield the imports below a node that are not for type checkers alone."""
+    """Yield the imports below a node that are not for type checkers alone; no expression has any."""
     if isinstance(node, ast.Import | ast.ImportFrom):
         yield node
         return
-    typing_only = isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+    typing_only = isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
     for child in node.orelse if typing_only else ast.iter_child_nodes(node):
-        yield from imports_at_run_time(child)
+        if not isinstance(child, ast.expr):
+            yield from imports_at_run_time(child)
 
 
 def imported(source, known):

@@ -105,8 +105,10 @@ def test_a_system_with_other_packages_is_reported(programs, tmp_path, missing):
     assert programs.fetch(lambda _: None).startswith("this system has no apt-get: install them")
 
 
-@pytest.mark.parametrize(("ci", "code"), [("true", 1), ("", 0)])
-def test_the_last_line_says_what_did_not_run_and_why_and_in_ci_that_is_an_error(root, tmp_path, ci, code):
+@pytest.mark.parametrize(("ci", "code", "workers"), [("true", 1, "2"), ("", 0, "0")])
+def test_the_last_line_says_what_did_not_run_and_why_and_in_ci_that_is_an_error(
+    root, tmp_path, ci, code, workers
+):
     for name in ("conftest.py", "hangs.py", "programs.py", "tiers.py"):
         shutil.copy(root / "tests" / name, tmp_path)
     (tmp_path / "test_one.py").write_text(
@@ -116,7 +118,7 @@ def test_the_last_line_says_what_did_not_run_and_why_and_in_ci_that_is_an_error(
         "def test_that_needs_none():\n    pass\n"
     )
     result = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-n", "2", "--rootdir", ".", "-c", "/dev/null", "."],
+        [sys.executable, "-m", "pytest", "-q", "-n", workers, "--rootdir", ".", "-c", "/dev/null", "."],
         cwd=tmp_path,
         env={"PATH": "/usr/bin:/bin", "CI": ci, "FLEET_TESTS_WHY_MISSING": "no network"},
         capture_output=True,

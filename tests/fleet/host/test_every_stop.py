@@ -324,6 +324,7 @@ def test_a_stop_is_obeyed_whatever_it_holds_however_it_comes_and_whatever_there_
     holds()
 
 
+@pytest.mark.combinations
 @pytest.mark.parametrize("worker", [False, True], ids=["here", "in a worker"])
 @pytest.mark.parametrize("state", STATES)
 @pytest.mark.parametrize("transport", TRANSPORTS)

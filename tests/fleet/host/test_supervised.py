@@ -143,10 +143,6 @@ class Run:
         (edge,) = psutil.Process(self.process.pid).children()
         return edge
 
-    def has_another_edge(self, first):
-        """Return True once the edge is another process than ``first``."""
-        return any(each.pid != first for each in psutil.Process(self.process.pid).children())
-
     def ready(self, after=0):
         """Wait until the robot can be driven, by another process than ``after``."""
         wait_until("the cart is greeted", lambda: self.cart.process not in (0, after))
@@ -205,6 +201,7 @@ def gone(process):
         return True
 
 
+@pytest.mark.combinations
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("worker", ["main", "arm"])
 def test_a_robot_without_a_watchdog_is_halted_when_its_process_is_killed(run, worker, kind):
@@ -220,19 +217,11 @@ def test_a_robot_without_a_watchdog_is_halted_when_its_process_is_killed(run, wo
         word for word in later_words()[: later_words().index("halt")] if word.startswith("process")
     ], "its supervisor halts it: nothing waits until it is run again, which takes seconds"
     it.line("has died; halted: rex")
+    if worker == "main":
+        it.line("the edge ended .killed by SIGKILL.; restarting it")
     it.ready(after=first)
     assert not it.cart.moves
     it.drive()
-
-
-def test_an_edge_that_was_killed_is_started_again(run):
-    it = run("main")
-    it.ready()
-    first = it.edge.pid
-    os.kill(first, signal.SIGKILL)
-    wait_until("it is started again", lambda: it.has_another_edge(first))
-    it.line("the edge ended .killed by SIGKILL.; restarting it")
-    it.ready(after=first)
 
 
 def test_a_stop_that_comes_while_the_edge_is_away_is_set_when_it_is_back(run):
@@ -268,16 +257,6 @@ def test_a_stop_reaches_the_robots_of_workers_without_the_bus(run):
     assert b"emergency stop is set" in it.request(MOVE)[0]
 
 
-def test_fleet_stop_says_that_an_edge_is_away_and_its_stop_is_kept(run):
-    it = run("main")
-    it.ready()
-    it.drive()
-    it.edge.suspend()
-    line = [sys.executable, "-m", "fleet", "stop", "--all"]
-    said = subprocess.run(line, capture_output=True, text=True, check=False, timeout=60)
-    assert f"edge {it.place.id} is away: its stop is set when it is back; halted now: rex" in said.stdout
-
-
 def test_fleet_stop_reaches_an_edge_whose_runtime_folder_was_removed(run):
     it = run("main")
     it.ready()
@@ -298,6 +277,9 @@ def test_a_stop_of_an_edge_that_is_frozen_is_written_by_its_supervisor_and_kept(
     (answer,) = stop_all(it.place.runtime)
     assert (answer.names, answer.kept) == (("rex",), True)
     wait_until("the halt", lambda: it.cart.words[-1] == "halt")
+    line = [sys.executable, "-m", "fleet", "stop", "--all"]
+    said = subprocess.run(line, capture_output=True, text=True, check=False, timeout=60)
+    assert f"edge {it.place.id} is away: its stop is set when it is back; halted now: rex" in said.stdout
 
 
 def test_an_edge_that_is_frozen_is_killed_with_its_robots_halted(run):

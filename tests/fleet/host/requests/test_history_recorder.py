@@ -216,18 +216,20 @@ async def wait_for_event(served, robot, kind, requests):
     return found[-1]
 
 
-@pytest.mark.parametrize("robot", ["rex", "max"])
-async def test_what_was_asked_on_the_bus_is_in_the_edges_history_also_for_a_worker(served, requests, robot):
-    await request(served, robot, {"command": "move_forward", "data": {"linear_x": 1.0}})
-    event = await wait_for_event(served, robot, COMMAND, requests)
-    assert event.asker == Requester(Transport.BUS, "anna@desk", None, proven=False)
-    ended = await wait_for_event(served, robot, OUTCOME, requests)
-    assert ended.text == "no velocity within its lease: stopped"
+async def test_what_was_asked_on_the_bus_is_in_the_edges_history_also_for_a_worker(served, requests):
+    for robot in ("rex", "max"):
+        await request(served, robot, {"command": "move_forward", "data": {"linear_x": 1.0}})
+        event = await wait_for_event(served, robot, COMMAND, requests)
+        assert event.asker == Requester(Transport.BUS, "anna@desk", None, proven=False)
+        ended = await wait_for_event(served, robot, OUTCOME, requests)
+        assert ended.text == "no velocity within its lease: stopped"
+    for robot in ("rex", "max"):
+        await is_stopped_with_who_and_why(served, robot, requests)
 
 
-@pytest.mark.parametrize("robot", ["rex", "max"])
-async def test_a_stop_on_the_stop_key_is_in_the_history_with_who_and_why(served, requests, robot):
-    said = parameters_of("anna@desk", "fire in the hall", "s1")
+async def is_stopped_with_who_and_why(served, robot, requests):
+    """Stop a robot on the stop key; release it."""
+    said = parameters_of("anna@desk", f"fire at {robot}", f"s-{robot}")
     key, names = keys.stop("*"), json.dumps([robot]).encode()
     await asyncio.to_thread(
         lambda: list(served.bus_session.request(key, names, timeout=60, parameters=said, urgent=True))
@@ -235,11 +237,11 @@ async def test_a_stop_on_the_stop_key_is_in_the_history_with_who_and_why(served,
     event = await wait_for_event(served, robot, STOP, requests)
     assert (event.asker.name, event.data, event.request) == (
         "anna@desk",
-        {"reason": "fire in the hall"},
-        "s1",
+        {"reason": f"fire at {robot}"},
+        f"s-{robot}",
     )
     state = next(each for each in served.edge.robots() if each.name == robot).state
-    await requests.until(lambda: "fire in the hall" in state().stop_cause)
+    await requests.until(lambda: f"fire at {robot}" in state().stop_cause)
     async with asyncio.timeout(60):
         while state().emergency_stop:  # one that comes too soon after the stop is refused
             await request(served, robot, {"command": "release_emergency_stop"})

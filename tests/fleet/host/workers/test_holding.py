@@ -36,18 +36,15 @@ async def test_what_is_stricter_reaches_a_robot_that_moves_and_its_worker_goes_o
     assert (await field.request()).same
 
 
-async def test_settings_that_are_stricter_in_all_are_done_without_a_restart(field):
+async def test_looser_settings_at_rest_and_stricter_ones_in_motion_are_done_without_a_restart(field):
+    field.write("arm", accepts={"command": ["tele", "edit"]})
+    assert (await field.apply())["arm"].outcome is Outcome.DONE
+    assert field.place.words("arm") == field.place.words("leg") == ["run"]
     await moves(field, "arm")
     field.write("arm", accepts={"command": [], "navigate": []})
     assert (await field.apply())["arm"].outcome is Outcome.DONE
     assert field.place.words("arm") == ["run", "navigate"]
     assert (await field.request()).same
-
-
-async def test_looser_settings_of_robots_at_rest_need_no_restart_either(field):
-    field.write("arm", accepts={"command": ["tele", "edit"]})
-    assert (await field.apply())["arm"].outcome is Outcome.DONE
-    assert field.place.words("arm") == field.place.words("leg") == ["run"]
 
 
 async def test_a_worker_that_dies_afterwards_comes_up_with_what_it_was_held_to(field):
@@ -61,7 +58,8 @@ async def test_a_worker_that_dies_afterwards_comes_up_with_what_it_was_held_to(f
     assert given["limits"]["yaw_rate"] == 1.0
 
 
-async def test_a_stop_finds_the_robots_of_a_group_that_came_while_the_edge_runs(field):
+async def test_a_worker_answers_for_each_robot_and_a_stop_finds_a_group_that_came_while_it_runs(field):
+    await answers_for_each_robot_and_refuses_what_it_cannot_use(field)
     field.place.change(groups={"crew": ["arm", "rex"]})
     assert (await field.apply())["groups"].outcome is Outcome.DONE
     assert field.edge.state().groups == {"crew": ["arm", "rex"]}
@@ -75,7 +73,7 @@ async def test_a_stop_finds_the_robots_of_a_group_that_came_while_the_edge_runs(
     assert field.edge.state().groups == {}
 
 
-async def test_a_worker_answers_for_each_robot_and_refuses_what_it_cannot_use(field):
+async def answers_for_each_robot_and_refuses_what_it_cannot_use(field):
     requested = HoldRequest({"arm": HoldRobot('{"name": 1}'), "nobody": HoldRobot("{}")})
     key = keys.hold(field.place.id, "limbs")
     ((_, answer),) = field.bus_session.request(key, msgspec.json.encode(requested), timeout=20)

@@ -138,20 +138,9 @@ async def test_a_robot_in_a_worker_that_nobody_uses_is_left_to_the_edge_that_the
     await requests.until(lambda: field.place.words("arm") == ["run", "run"])
 
 
-async def test_a_worker_keeps_a_robot_that_somebody_moves_whatever_the_cloud_shows(field, requests):
-    twin = field.edge.remote["arm"].twin
-    (reply,) = await field.request("arm", GOTO, "navigate")
-    assert reply.ok
-    # As when the worker's word that the robot is used has not come yet.
-    field.edge.cloud_claims._holders[twin] = "yard-0"
-    field.edge.cloud_claims.notify_workers()
-    await requests.until(lambda: state_of(field.edge, "arm").in_use)
-    field.edge.cloud_claims.handle_claim(twin, "yard-0")
-    assert "yard-0" in field.edge.state().cause
-    assert field.place.words("arm") == ["run", "navigate"]
-
-
-async def test_the_end_of_the_edge_holds_who_moves_in_a_worker_and_ends_it(yard, run_edge, requests):
+async def test_a_worker_keeps_a_robot_that_somebody_moves_whatever_the_cloud_shows_until_the_edge_ends(
+    yard, run_edge, requests
+):
     place = yard(arm={})
     edge = place.edge()
     async with run_edge(edge):
@@ -160,6 +149,14 @@ async def test_the_end_of_the_edge_holds_who_moves_in_a_worker_and_ends_it(yard,
         (reply,) = await asyncio.to_thread(say, bus_session, place, "arm", GOTO, "navigate")
         assert reply.ok
         await asyncio.to_thread(bus_session.close)
+        twin = edge.remote["arm"].twin
+        # As when the worker's word that the robot is used has not come yet.
+        edge.cloud_claims._holders[twin] = "yard-0"
+        edge.cloud_claims.notify_workers()
+        await requests.until(lambda: state_of(edge, "arm").in_use)
+        edge.cloud_claims.handle_claim(twin, "yard-0")
+        assert "yard-0" in edge.state().cause
+        assert place.words("arm") == ["run", "navigate"]
     assert place.words("arm")[-2:] == ["halt", "stop"]
     assert not psutil.pid_exists(place.processes("arm")[0])
 
