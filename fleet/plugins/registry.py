@@ -161,8 +161,10 @@ class Registry:
 
 def _origin_of(point: EntryPoint) -> str:
     """Describe the origin of an entry point: its value and package."""
-    package = f" ({point.dist.name} {point.dist.version})" if point.dist else ""
-    return f"{point.value}{package}"
+    if point.dist is None:
+        return point.value
+    package = point.dist.metadata  # parses the file, at each access
+    return f"{point.value} ({package['Name']} {package['Version']})"
 
 
 def _loaded(plugin: Plugin, point: EntryPoint) -> Plugin:
