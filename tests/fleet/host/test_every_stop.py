@@ -298,7 +298,7 @@ def _a_small_inbox(monkeypatch):
     monkeypatch.setattr(downlink, "MOST_WAITING", 3)
 
 
-PLAYED = settings(max_examples=400, deadline=None)
+PLAYED = settings(max_examples=100, deadline=None)
 
 
 @pytest.mark.parametrize("worker", [False, True], ids=["here", "in a worker"])
