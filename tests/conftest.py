@@ -233,9 +233,11 @@ def shared_foreign_broker(request, tmp_path_factory):
         yield running
 
 
-def pytest_xdist_auto_num_workers():
-    """Run two processes more than there are processors: the tests wait for two thirds of their time."""
-    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else (os.cpu_count() or 1) + 2
+def pytest_xdist_auto_num_workers(config):
+    """Run two processes more than there are processors, because tests wait; those of the fast tier do not."""
+    if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ:
+        return None
+    return (os.cpu_count() or 1) + 2 * (not config.getoption("--fast"))
 
 
 def pytest_addoption(parser, pluginmanager):

@@ -36,13 +36,10 @@ FAST = (
     "fleet/wire",
     "plugins",
 )
-"""Folders below tests/ of the fast tier; it leaves out ``BUT`` and tests with the mark ``waits``."""
+"""Folders below tests/ of the fast tier; it leaves out ``BUT``, and tests with the mark ``waits``."""
 BUT = (
     # start programs, or wait for sockets and devices
-    "adapters/fleet_mavlink/sim/test_foreign_clients.py",
     "adapters/fleet_mavlink/test_foreign_stations.py",
-    "adapters/fleet_mavlink/sim/test___main__.py",
-    "adapters/fleet_mavlink/sim/test_server.py",
     "adapters/fleet_mavlink/test_session.py",
     "fleet/link/canbus/test_bus.py",
     "adapters/fleet_ugv/test_pty.py",
@@ -58,14 +55,21 @@ BUT = (
     "fleet/spool/test_disk.py",
     "fleet/spool/test_spool.py",
     # simulate walking and flying, which takes seconds of processor time
+    "adapters/fleet_mavlink/sim",
     "adapters/fleet_quadruped/body/test_machine.py",
     "adapters/fleet_quadruped/body/test_posing.py",
     "adapters/fleet_quadruped/can/test_capture.py",
-    "adapters/fleet_mavlink/sim/test_mission_flight.py",
-    "adapters/fleet_mavlink/sim/test_px4_failsafes.py",
-    "adapters/fleet_mavlink/sim/test_px4_vtol.py",
-    "adapters/fleet_mavlink/sim/test_vtol_mission.py",
     "adapters/fleet_mavlink/test_ardupilot_rover.py",
+    "adapters/fleet_mavlink/test_braking.py",
+    "adapters/fleet_mavlink/test_compass.py",
+    "adapters/fleet_mavlink/test_failsafes.py",
+    "adapters/fleet_mavlink/test_fence.py",
+    "adapters/fleet_mavlink/test_kill_and_home.py",
+    "adapters/fleet_mavlink/test_readiness.py",
+    "adapters/fleet_mavlink/test_replay.py",
+    "adapters/fleet_mavlink/test_turns.py",
+    "adapters/fleet_mavlink/test_vocabulary.py",
+    "adapters/fleet_mavlink/test_watching.py",
     "adapters/fleet_mavlink/test_gps_loss.py",
     "adapters/fleet_mavlink/test_pairs.py",
     "adapters/fleet_mavlink/test_remote_control_loss.py",
@@ -104,7 +108,8 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
         return None
     path = collection_path.relative_to(ROOT).as_posix()
     inside = any(f"{path}/".startswith(f"{fast}/") or fast.startswith(f"{path}/") for fast in FAST)
-    return None if inside and path not in BUT else True
+    left_out = any(f"{path}/".startswith(f"{but}/") for but in BUT)
+    return None if inside and not left_out else True
 
 
 def is_fast(item: pytest.Item) -> bool:
@@ -130,23 +135,35 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     config.hook.pytest_deselected(items=[item for item in items if item not in kept])
     items[:] = chosen
     if fast or soak:
+        factor = SOAK if soak else FAST_SHARE
         for test in {getattr(item, "obj", None) for item in items}:
-            scale_examples(test, SOAK if soak else FAST_SHARE)
+            scale_examples(test, factor)
+        for case in {getattr(item, "cls", None) for item in items}:
+            scale_state_machine(case, factor)
 
 
 def scale_examples(test: object, factor: float) -> None:
-    """Scale a test's number of Hypothesis examples; with more of them, they differ in each run.
+    """Scale a test's number of Hypothesis examples.
 
     The private attribute is set because the ``settings`` decorator can be applied only once.
     """
     function = getattr(test, "__func__", test)
-    if not getattr(function, "is_hypothesis_test", False):
-        return
-    own = getattr(function, "_hypothesis_internal_use_settings", None) or settings()
+    if getattr(function, "is_hypothesis_test", False):
+        own = getattr(function, "_hypothesis_internal_use_settings", None) or settings()
+        function._hypothesis_internal_use_settings = _scaled(own, factor)
+
+
+def scale_state_machine(case: object, factor: float) -> None:
+    """Scale the number of examples of a state machine, a ``TestCase`` that has settings of its own."""
+    own = getattr(case, "settings", None)
+    if isinstance(own, settings):
+        case.settings = _scaled(own, factor)
+
+
+def _scaled(own: settings, factor: float) -> settings:
+    """Return settings with more or fewer examples; if there are more, they differ in each run."""
     count = max(1, round(factor * own.max_examples))
-    function._hypothesis_internal_use_settings = settings(
-        own, max_examples=count, derandomize=own.derandomize and factor <= 1
-    )
+    return settings(own, max_examples=count, derandomize=own.derandomize and factor <= 1)
 
 
 def each_value_once(items: list[pytest.Item]) -> list[pytest.Item]:

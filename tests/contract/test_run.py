@@ -6,6 +6,7 @@ import sys
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
 
 @pytest.mark.parametrize("words", [[], ["fly"]])
@@ -109,6 +110,24 @@ def test_a_tier_has_its_own_number_of_examples(module_at, factor, count):
     counts = []
     module_at("tiers.py").scale_examples(counted, factor)
     counted()
+    assert len(counts) == count
+
+
+@pytest.mark.parametrize(("factor", "count"), [(50, 350), (0.2, 1)])
+def test_a_tier_has_its_own_number_of_examples_of_a_state_machine(module_at, factor, count):
+    class Counted(RuleBasedStateMachine):
+        @initialize()
+        def count(self):
+            counts.append(1)
+
+        @rule(number=st.integers())
+        def rest(self, number):
+            pass
+
+    counts, case = [], Counted.TestCase
+    case.settings = settings(max_examples=7, stateful_step_count=2, deadline=None)
+    module_at("tiers.py").scale_state_machine(case, factor)
+    case("runTest").runTest()
     assert len(counts) == count
 
 
