@@ -82,12 +82,14 @@ class Rig:
         self.controller = Controller(self.dog, self.buses)
         self.controller.drives.configure()
 
-    def go(self, seconds: float, twist: Twist = Twist()) -> None:  # noqa: B008 - immutable
-        """Advance with a velocity."""
+    def go(self, seconds: float, twist: Twist = Twist(), *, until: BodyMode | None = None) -> None:  # noqa: B008 - immutable
+        """Advance with a velocity; end early in the mode ``until``."""
         self.order = msgspec.structs.replace(self.order, x=twist.x, y=twist.y, turn=twist.turn)
         self.tilt = 0.0
         for _ in range(round(seconds / self.dog.dt)):
             self.cycle()
+            if self.mode is until:
+                break
 
     def request(self, request: BodyRequest, value: float = 0.0) -> str:
         """Send a request to the body; return the reason of a refusal, empty if it is accepted."""
@@ -111,6 +113,6 @@ class Rig:
         """Stand up, from off to standing."""
         self.settle()
         refusal = self.request(BodyRequest.STAND)
-        self.go(3.0)
+        self.go(3.0, until=BodyMode.STANDING)
         if self.mode is not BodyMode.STANDING:
             raise AssertionError(refusal or self.fault or f"it is {self.mode}")

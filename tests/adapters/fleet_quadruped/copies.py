@@ -36,8 +36,10 @@ def stood_up(dog):
 
 
 def stood_up_in_physics(dog):
-    """Return a dog that has stood up in physics."""
-    return up(Rig(dog, MujocoWorld(dog)))
+    """Return a dog that has stood up in physics, and come to rest."""
+    rig = up(Rig(dog, MujocoWorld(dog)))
+    rig.go(0.7)
+    return rig
 
 
 def set_off(dog):

@@ -66,19 +66,21 @@ def test_a_drive_that_does_not_come_up_disables_all_others(rig):
     rig.go(0.1)
     rig.request(BodyRequest.STAND)
     rig.sim.fault("mute", RL_HIP)
-    rig.go(4.0)
+    rig.go(4.0, until=BodyMode.OFF)
+    rig.go(0.1)
     assert rig.mode is BodyMode.OFF
     assert rig.fault.startswith("RL_hip: ")
     assert all(motor.kp == 0 for number, motor in enumerate(rig.sim.world.motors) if number != RL_HIP - 1)
 
 
 def test_it_stands_walks_and_sits_down(standing):
-    standing.go(2.0, Twist(0.4))
+    standing.go(1.0, Twist(0.4))
     assert standing.mode is BodyMode.WALKING
-    standing.go(2.0)
+    standing.go(2.0, until=BodyMode.STANDING)
     assert standing.mode is BodyMode.STANDING
     assert standing.request(BodyRequest.SIT) == ""
-    standing.go(3.0)
+    standing.go(3.0, until=BodyMode.OFF)
+    standing.go(0.1)
     assert standing.mode is BodyMode.OFF
     assert powers(standing) == {Power.DISABLED}
     assert standing.fault == ""
@@ -86,11 +88,11 @@ def test_it_stands_walks_and_sits_down(standing):
 
 def test_sitting_down_and_standing_up_can_be_repeated(standing):
     standing.request(BodyRequest.SIT)
-    standing.go(3.0)
+    standing.go(3.0, until=BodyMode.OFF)
     assert standing.mode is BodyMode.OFF
     standing.stand()
     standing.request(BodyRequest.SIT)
-    standing.go(3.0)
+    standing.go(3.0, until=BodyMode.OFF)
     assert standing.mode is BodyMode.OFF
 
 
@@ -109,7 +111,8 @@ def test_an_emergency_stop_damps_every_joint_in_the_next_cycle(standing, cycles)
 
 def test_a_damped_dog_goes_off_and_needs_a_new_command(standing):
     standing.emergency()
-    standing.go(3.0, Twist(0.5))
+    standing.go(3.0, Twist(0.5), until=BodyMode.OFF)
+    standing.go(0.1)
     assert (standing.mode, standing.fault) == (BodyMode.OFF, "emergency stop")
     assert powers(standing) == {Power.DISABLED}
     standing.stand()
@@ -120,7 +123,7 @@ def test_an_emergency_stop_that_comes_with_a_command_to_stand_up_wins(rig):
     rig.go(0.1)
     rig.emergency()
     assert rig.request(BodyRequest.STAND) == ""
-    rig.go(3.0)
+    rig.go(3.0, until=BodyMode.OFF)
     assert (rig.mode, rig.fault) == (BodyMode.OFF, "emergency stop")
 
 
@@ -137,12 +140,12 @@ def test_an_emergency_stop_works_while_it_rises_and_sits(rig, given):
 
 
 def test_a_failed_drive_damps_all_and_stays_latched_until_a_reset(standing):
-    standing.go(1.0, Twist(0.5))
+    standing.go(0.6, Twist(0.5))
     standing.sim.fault("overcurrent", RL_HIP)
     standing.go(0.03)
     assert standing.mode is BodyMode.DAMPED
     assert standing.fault.startswith("RL_hip: over-current")
-    standing.go(3.0)
+    standing.go(3.0, until=BodyMode.OFF)
     assert "reset_faults" in standing.request(BodyRequest.STAND)
     assert standing.request(BodyRequest.RESET) == ""
     standing.go(0.1)
@@ -151,7 +154,7 @@ def test_a_failed_drive_damps_all_and_stays_latched_until_a_reset(standing):
 
 def test_an_empty_battery_makes_it_sit_down(standing):
     standing.sim.fault("battery", 8.0)
-    standing.go(6.0)
+    standing.go(6.0, until=BodyMode.OFF)
     assert standing.mode is BodyMode.OFF
     assert standing.fault == "battery: 8 %, it sits down at 10 %"
 
@@ -161,14 +164,14 @@ def test_without_fresh_orders_it_stands_and_then_sits(any_dog):
     rig = standing_dog(any_dog.model_copy(update={"safety": safety}))
     rig.go(0.5, Twist(0.4))
     rig.alive = False
-    rig.go(2.3, Twist(0.4))
+    rig.go(2.3, Twist(0.4), until=BodyMode.STANDING)
     assert rig.mode is BodyMode.STANDING
-    rig.go(4.0, Twist(0.4))
+    rig.go(4.0, Twist(0.4), until=BodyMode.OFF)
     assert rig.mode is BodyMode.OFF
 
 
 def test_silence_is_found_within_the_time_that_was_set(standing, stopped_alone):
-    standing.go(1.0, Twist(0.5))
+    standing.go(0.6, Twist(0.5))
     last = standing.sim.time - standing.dog.dt  # a cycle asks first, and then its time passes
     while not stopped_alone(standing):
         standing.sim.advance(0.002)
@@ -178,7 +181,7 @@ def test_silence_is_found_within_the_time_that_was_set(standing, stopped_alone):
 
 
 def test_the_fault_of_a_drive_damps_all_others_in_the_cycle_that_hears_of_it(standing):
-    standing.go(1.0, Twist(0.5))
+    standing.go(0.6, Twist(0.5))
     began = standing.sim.time
     standing.sim.fault("overcurrent", RL_HIP)
     while (
@@ -195,12 +198,12 @@ def test_two_dogs_do_not_hear_each_other(any_dog):
     one, other = standing_dog(any_dog), standing_dog(any_dog)
     one.emergency()
     for rig in (one, other):
-        rig.go(1.0, Twist(0.4))
+        rig.go(0.5, Twist(0.4))
     assert (one.mode, other.mode) == (BodyMode.DAMPED, BodyMode.WALKING)
 
 
 def test_the_drives_stop_by_themselves_when_the_controller_dies(standing, stopped_alone):
-    standing.go(1.0, Twist(0.5))
+    standing.go(0.6, Twist(0.5))
     for _ in range(12):
         standing.sim.advance(0.01)
     assert stopped_alone(standing)

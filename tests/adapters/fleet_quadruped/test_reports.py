@@ -8,6 +8,7 @@ from fleet.model.report import ImuReport, JointReport
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.reports import MotionReports
 from fleet_quadruped.robot.names import JOINTS
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
 from tests.adapters.fleet_quadruped.copies import copy_of, up
@@ -96,6 +97,7 @@ def test_the_height_is_that_of_the_legs_and_not_the_wanted_one(dog):
         rig.go(0.4, Twist(0.5))
         assert rig.reports[PoseReport][-1].position.z == pytest.approx(rig.sim.world.place()[2], abs=0.02)
     rig.emergency()
-    rig.go(3.0)
+    rig.go(0.1, until=BodyMode.DAMPED)
+    rig.go(3.0, until=BodyMode.OFF)
     assert rig.reports[PoseReport][-1].position.z == pytest.approx(rig.sim.world.place()[2], abs=0.03)
     assert rig.reports[PoseReport][-1].position.z < 0.15

@@ -49,7 +49,7 @@ def test_a_dog_in_its_walk_is_given_the_time_of_the_walk_until_it_sits_down(mit_
     while max(heights(rig)) > 0.2:
         rig.cycle()
     assert not rig.controller.body.walker.walking
-    rig.go(2.0)
+    rig.go(2.0, until=BodyMode.OFF)
     assert rig.mode is BodyMode.OFF
 
 
@@ -57,6 +57,8 @@ def test_a_walk_that_an_emergency_stop_cut_off_is_not_taken_up_by_sitting_down(a
     rig = standing_dog(any_dog)
     rig.go(1.05, Twist(0.4))
     rig.emergency()
-    rig.go(4.0)
+    rig.go(0.1, until=BodyMode.DAMPED)
+    rig.go(4.0, until=BodyMode.OFF)
+    rig.go(0.1)
     seen = rise_and_leave(rig, 1.2)
     assert max(max(feet) - min(feet) for feet in seen) < 0.01  # no foot is lifted

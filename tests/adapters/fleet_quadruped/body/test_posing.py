@@ -74,7 +74,7 @@ def test_wherever_its_joints_are_led_a_standing_dog_goes_on_standing(standing, p
     assert standing.mode is BodyMode.POSING
     assert standing.fault == ""
     assert standing.request(BodyRequest.STAND) == ""
-    standing.go(2.0)
+    standing.go(2.0, until=BodyMode.STANDING)
     assert standing.mode is BodyMode.STANDING
 
 
@@ -144,7 +144,7 @@ def test_it_sits_down_from_the_posture_that_it_has(standing, stopped):
     if stopped:
         halt(standing)
     assert standing.request(BodyRequest.SIT) == ""
-    standing.go(3.0)
+    standing.go(3.0, until=BodyMode.OFF)
     assert standing.mode is BodyMode.OFF
     assert standing.tilt < TILTED
     assert standing.fault == ""
@@ -155,7 +155,7 @@ def test_an_emergency_stop_lets_it_down(standing):
     standing.emergency()
     standing.go(0.1)
     assert standing.mode is BodyMode.DAMPED
-    standing.go(4.0)
+    standing.go(4.0, until=BodyMode.OFF)
     assert standing.mode is BodyMode.OFF
     assert standing.request(BodyRequest.POSE) != ""
 
@@ -169,27 +169,33 @@ def test_without_its_host_it_holds_and_then_sits_down(any_dog):
     held = standing.controller.targets
     standing.go(1.0)
     assert standing.controller.targets == pytest.approx(held, abs=0.005)
-    standing.go(standing.dog.safety.abandoned + 3.0)
+    standing.go(standing.dog.safety.abandoned + 3.0, until=BodyMode.OFF)
     assert standing.mode is BodyMode.OFF
 
 
 def test_a_dog_that_lies_is_held_as_it_is_found_and_led_from_there(rig):
     rig.settle()
     assert rig.request(BodyRequest.POSE) == ""
-    rig.go(1.5)
+    rig.go(1.5, until=BodyMode.POSING)
     assert rig.mode is BodyMode.POSING
+    rig.cycle()
     start = posture(rig)
     lead(rig, 1.5, [None, None, None, None, start[4] + 0.1])
     assert rig.controller.targets[4] == pytest.approx(start[4] + 0.1, abs=0.01)
     halt(rig)
     assert rig.request(BodyRequest.SIT) == ""
-    rig.go(3.0)
+    rig.go(3.0, until=BodyMode.OFF)
     assert rig.mode is BodyMode.OFF
 
 
-@pytest.mark.parametrize("given", [BodyRequest.POSE, BodyRequest.STAND, BodyRequest.RECOVER])
-@pytest.mark.parametrize("later", [False, True])
-def test_a_stop_before_its_drives_are_enabled_leaves_a_lying_dog_off(rig, given, later):
+@pytest.mark.combinations
+@pytest.mark.parametrize(
+    "request_and_stop",
+    list(itertools.product([BodyRequest.POSE, BodyRequest.STAND, BodyRequest.RECOVER], [False, True])),
+    ids=lambda both: f"{both[0]}-{'then' if both[1] else 'before'}",
+)
+def test_a_stop_before_its_drives_are_enabled_leaves_a_lying_dog_off(rig, request_and_stop):
+    given, later = request_and_stop
     rig.settle()
     if later:
         rig.request(given)

@@ -14,6 +14,7 @@ from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.replay import DriveReplay
 from fleet_quadruped.robot.description import EXAMPLE
 from fleet_quadruped.robot.names import JOINTS
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.lockstep import SimBus
 from fleet_quadruped.sim.rig import Rig
 
@@ -118,9 +119,9 @@ def failed(dog, capture):
     rig.controller.configure()
     rig.stand()
     rig.watch = lambda: capture._clock.advance(dog.dt)
-    rig.go(1.0, Twist(0.4))
+    rig.go(0.5, Twist(0.4))
     rig.sim.fault("overcurrent", JOINTS.index("RL_hip") + 1)
-    rig.go(3.0)
+    rig.go(3.0, until=BodyMode.OFF)
     capture.update(rig.fault, resting=True)
     capture.finish()
     return rig

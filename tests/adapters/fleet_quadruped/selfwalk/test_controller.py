@@ -1,5 +1,6 @@
 """A machine that walks by itself, by frames of its own and as a CANopen node, in lock-step."""
 
+import functools
 import math
 import re
 import struct
@@ -244,23 +245,35 @@ def test_no_velocity_beyond_the_limits_is_ever_sent(walker, make_walker_rig, twi
 
 FLOATS = st.lists(st.sampled_from([float("nan"), float("inf"), 3.4e38, -3.4e38, 0.5]), max_size=2)
 DATA = st.one_of(st.binary(max_size=8), FLOATS.map(lambda them: struct.pack(f"<{len(them)}f", *them)))
-FACTORS = ({}, {"type": "f32"}, {"type": "f32", "scale": 1e300})
+FACTORS = {
+    "as described": {},
+    "floats": {"type": "f32"},
+    "huge floats": {"type": "f32", "scale": 1e300},
+}
 
 
-@pytest.mark.parametrize("factor", FACTORS, ids=["as described", "floats", "huge floats"])
-@given(data=st.data())
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_no_frame_on_the_bus_ends_the_control_of_a_machine_or_hides_a_stop(make_walker_rig, factor, data):
-    tree = load_body(EXAMPLE.with_name("self-walking.yaml")).model_dump(exclude_none=True)
+@functools.cache
+def telling(name):
+    """Return a machine that tells each value in a frame of its own, and a strategy for its frames."""
+    factor, described = FACTORS[name], load_body(EXAMPLE.with_name("self-walking.yaml"))
+    tree = described.model_dump(exclude_none=True)
     tree["frames"]["state"] = [
         {"id": frame["id"] + number, "fields": {name: {**field, **factor, "at": 0}}}
         for frame in tree["frames"]["state"]
         for number, (name, field) in enumerate(frame["fields"].items())
     ]
-    walker = type(load_body(EXAMPLE.with_name("self-walking.yaml"))).model_validate(tree)
-    walker_rig = make_walker_rig(walker)
+    walker = type(described).model_validate(tree)
     identifiers = st.sampled_from([frame.id for frame in (*walker.frames.state, *walker.frames.slow)])
-    for frame in data.draw(st.lists(st.builds(CanFrame, identifiers, DATA), max_size=12)):
+    return walker, st.lists(st.builds(CanFrame, identifiers, DATA), max_size=12)
+
+
+@pytest.mark.parametrize("factor", FACTORS)
+@given(data=st.data())
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_no_frame_on_the_bus_ends_the_control_of_a_machine_or_hides_a_stop(make_walker_rig, factor, data):
+    walker, frames = telling(factor)
+    walker_rig = make_walker_rig(walker)
+    for frame in data.draw(frames):
         walker_rig.bus.arrive(frame)
         walker_rig.cycle()
     state = walker_rig.state

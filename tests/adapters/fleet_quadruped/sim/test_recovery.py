@@ -29,10 +29,7 @@ def lying(dog, turn):
 def test_it_gets_up_from_whatever_it_lies_on(any_dog, turn):
     rig = lying(any_dog, turn)
     assert rig.request(BodyRequest.RECOVER) == ""
-    for _ in range(24):
-        rig.go(1.0)
-        if rig.mode is BodyMode.STANDING:
-            break
+    rig.go(24.0, until=BodyMode.STANDING)
     assert (rig.mode, rig.fault) == (BodyMode.STANDING, "")
 
 

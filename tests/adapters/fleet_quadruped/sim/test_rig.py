@@ -31,6 +31,16 @@ def test_time_passes_in_whole_cycles_alone(rig):
     assert rig.sim.time == pytest.approx(0.06)
 
 
+def test_it_goes_on_until_a_mode_or_until_the_time_is_over(rig):
+    rig.settle()
+    rig.request(BodyRequest.STAND)
+    rig.go(3.0, until=BodyMode.RISING)
+    begun = rig.sim.time
+    assert (rig.mode, begun < 1.0) == (BodyMode.RISING, True)
+    rig.go(0.05, until=BodyMode.STANDING)
+    assert (rig.mode, rig.sim.time) == (BodyMode.RISING, pytest.approx(begun + 0.05))
+
+
 def test_the_order_of_a_host_that_lives_is_fresh_and_of_another_one_stays_as_it_is(rig):
     rig.go(0.03)
     assert (rig.order.alive, rig.order.until) == pytest.approx((0.02, 1.02))
