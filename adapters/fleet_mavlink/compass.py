@@ -38,7 +38,7 @@ class Compass:
         if flight.vehicle.state.armed:
             raise Refused("it is armed", hint="land and disarm first")
         with flight.vehicle.hearing(MagCalProgress, MagCalReport, Sentence) as heard:
-            await flight.commander.request(flight.flavour.compass_start, tries=1)
+            await self._start()
             self._heard = heard
             try:
                 async for progress in self._follow(heard):
@@ -48,6 +48,14 @@ class Compass:
                 raise
             finally:
                 self._heard = None
+
+    async def _start(self) -> None:
+        """Start a calibration; one that is left before the vehicle has answered is stopped."""
+        try:
+            await self._flight.commander.request(self._flight.flavour.compass_start, tries=1)
+        except asyncio.CancelledError:
+            await self._stop_quietly()
+            raise
 
     async def stop(self) -> None:
         """Stop a calibration; its result is discarded."""
