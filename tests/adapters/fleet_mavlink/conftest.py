@@ -24,10 +24,7 @@ from fleet_mavlink.vehicle import Vehicle
 RECORDINGS = Path(__file__).parents[2] / "data" / "mavlink"
 TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"
 AUTOPILOTS = {"ardupilot": 3, "px4": 12}
-STEPS = {
-    "ardupilot": 0.05,
-    "px4": 0.02,
-}  # s; PX4 sends 50 times a second, ArduPilot 10 times
+STEP = 0.05  # s; the longest step of the simulators
 
 
 def framed(message, *, system=1, component=1):
@@ -214,12 +211,11 @@ class SimFlight(Operator):
         return b"" if self.mute else b"".join(frames)
 
     async def _turn(self):
-        step = STEPS[self.sim.flavour]
         while True:
             frames = self.wire.step(self.now)
             if frames and self.radio and not self.mute:
                 self._peer.say(b"".join(frames))
-            await asyncio.sleep(step)
+            await asyncio.sleep(STEP)
 
     def send_from_station(self, *messages):
         """Let another station, 255/190, say something to the vehicle."""
