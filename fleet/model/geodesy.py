@@ -17,8 +17,9 @@ EQUATORIAL_RADIUS = 6_378_137.0  # m, WGS-84 a
 FLATTENING = 1 / 298.257223563  # WGS-84 f
 ECCENTRICITY_SQUARED = FLATTENING * (2 - FLATTENING)
 
-# Fixed-point iterations of geo_from_world: within 10 km each leaves less than a hundredth of the error.
-_CORRECTIONS = 6
+# Corrections of geo_from_world: within 10 km each leaves less than a hundredth of the error.
+_CORRECTIONS = 6  # at most
+_EXACT = 1e-6  # m of error, after whose correction no other is needed
 
 
 class GeoPoint(msgspec.Struct, frozen=True):
@@ -55,6 +56,14 @@ def _east_north(origin: GeoOrigin, latitude: float, longitude: float) -> tuple[f
     return axis * math.sin(turn), math.cos(here) * upward - math.sin(here) * outward
 
 
+def _radii(origin: GeoOrigin) -> tuple[float, float]:
+    """Return the radii of curvature of the meridian and of the parallel at the origin, m."""
+    here = math.radians(origin.latitude)
+    root = math.sqrt(1 - ECCENTRICITY_SQUARED * math.sin(here) ** 2)
+    meridian = EQUATORIAL_RADIUS * (1 - ECCENTRICITY_SQUARED) / root**3 + origin.altitude
+    return meridian, (EQUATORIAL_RADIUS / root + origin.altitude) * math.cos(here)
+
+
 def _turned(vector: Vector3, degrees: float) -> Vector3:
     """Rotate a vector about z by ``degrees``, counter-clockwise."""
     cos, sin = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
@@ -71,10 +80,14 @@ def geo_from_world(origin: GeoOrigin, position: Vector3) -> GeoPoint:
     """Return the position on Earth of a point in the world frame of ``origin`` (metres)."""
     # No closed form for the inverse: start at the origin and correct by the error that is left.
     enu = _turned(position, -origin.heading)
-    parallel = EQUATORIAL_RADIUS * math.cos(math.radians(origin.latitude))
+    meridian, parallel = _radii(origin)
     latitude, longitude = origin.latitude, origin.longitude
+    east_left, north_left = enu.x, enu.y
     for _ in range(_CORRECTIONS):
+        latitude += math.degrees(north_left / meridian)
+        longitude += math.degrees(east_left / parallel)
+        if math.hypot(east_left, north_left) < _EXACT:
+            break
         east, north = _east_north(origin, latitude, longitude)
-        latitude += math.degrees((enu.y - north) / EQUATORIAL_RADIUS)
-        longitude += math.degrees((enu.x - east) / parallel)
+        east_left, north_left = enu.x - east, enu.y - north
     return GeoPoint(latitude, math.remainder(longitude, 360.0), origin.altitude + enu.z)
