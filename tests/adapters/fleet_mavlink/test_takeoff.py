@@ -69,6 +69,7 @@ def test_it_does_not_climb_on_to_a_height_above_the_home_before(run_in_sim_time,
     run_in_sim_time(main())
 
 
+@pytest.mark.combinations
 @both
 @pytest.mark.parametrize("altitude", [1.0, 5.0])
 def test_a_takeoff_to_a_limit_is_not_refused_by_it(run_in_sim_time, sim_flight, flavour, altitude):

@@ -51,6 +51,7 @@ async def stands(it):
     return seconds
 
 
+@pytest.mark.combinations
 @flavours
 @pytest.mark.parametrize("reason", ["stop", "hover", "emergency_stop"])
 def test_a_stop_breaks_a_transition_off_and_the_vtol_hovers(run_in_sim_time, sim_flight, flavour, reason):
@@ -254,6 +255,7 @@ def test_a_px4_vtol_is_called_back_to_its_hover_first():
     assert hold.command == MavCmd.DO_REPOSITION
 
 
+@pytest.mark.combinations
 @flavours
 @pytest.mark.parametrize("lag", [0.0, 0.7])
 def test_a_transition_that_is_asked_for_right_after_the_opposite_one_is_carried_out(

@@ -13,17 +13,20 @@ from tests.adapters.fleet_mavlink.sim.mission_plans import plan, upload
 
 NAN = math.nan
 HOME = (47.397742, 8.545594, 488.0, 0.0)
+STEP = 0.05  # s; the longest step of the simulators
 
 
 class Bench:
-    """Moves a vehicle in steps of 20 ms and keeps what it says."""
+    """Moves a vehicle in steps of ``step`` s and keeps what it says, each message once a step at most."""
 
-    def __init__(self, flavour: str, **setup: Any) -> None:
+    def __init__(self, flavour: str, *, step: float = STEP, **setup: Any) -> None:
         setup.setdefault("ready_after", 0.0)
         setup.setdefault("home", HOME)
         self.vehicle = SimVehicle(flavour, **setup)
         self.ardupilot = flavour == "ardupilot"
         self.now = 0.0
+        self._step = step
+        self._beats = round(1.0 / step)  # steps between heartbeats of the ground station
         self.heard: list[Any] = []
         self.gcs = True
 
@@ -52,11 +55,21 @@ class Bench:
 
     def run(self, seconds: float) -> None:
         """Let time pass, with a ground station's heartbeat every second."""
-        for _ in range(round(seconds / 0.02)):
-            if self.gcs and round(self.now / 0.02) % 50 == 0:
+        for _ in range(round(seconds / self._step)):
+            if self.gcs and self._steps_since_heartbeat() == 0:
                 self.tell(mav.MAVLink_heartbeat_message(mav.MAV_TYPE_GCS, 8, 0, 0, 0, 3))
-            self.now += 0.02
+            self.now += self._step
             self.heard += self.vehicle.step(self.now)
+
+    def _steps_since_heartbeat(self) -> int:
+        """Return the steps since a heartbeat of the ground station was due."""
+        return round(self.now / self._step) % self._beats
+
+    def lose_station(self) -> None:
+        """Let the ground station be silent after its next heartbeat."""
+        while self._steps_since_heartbeat() != 1:
+            self.run(self._step)
+        self.gcs = False
 
     def until(self, happened: Callable[[], bool], limit: float = 60.0) -> float:
         """Let time pass until something happened; return how long it took."""
@@ -80,7 +93,7 @@ class Bench:
     def _results(self, message: Any) -> list[int]:
         before = len(self.heard)
         self.tell(message)
-        self.run(0.04)
+        self.run(2 * self._step)
         return [
             m.result
             for m in self.heard[before:]

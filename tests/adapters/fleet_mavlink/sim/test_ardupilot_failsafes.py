@@ -78,8 +78,7 @@ def test_a_lost_station_is_acted_on_by_its_parameter(flying, value, mode):
 def test_a_lost_station_is_acted_on_after_its_time_and_not_before(flying):
     flying.set_param("FS_GCS_ENABLE", 1)
     flying.set_param("FS_GCS_TIMEOUT", 8)
-    flying.run(1.02 - flying.now % 1.0)
-    flying.gcs = False
+    flying.lose_station()
     assert flying.until(lambda: flying.mode == "RTL", 20.0) == pytest.approx(8.0, abs=0.3)
 
 

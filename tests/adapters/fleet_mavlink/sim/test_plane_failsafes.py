@@ -38,8 +38,7 @@ def test_a_lost_station_is_told_and_acted_on_by_its_parameter(flying, action, mo
 def test_a_lost_station_is_acted_on_after_its_time_and_a_second_loss_again(flying):
     flying.set_param("FS_GCS_ENABL", 1)
     flying.set_param("FS_LONG_TIMEOUT", 3)
-    flying.run(1.02 - flying.now % 1.0)
-    flying.gcs = False
+    flying.lose_station()
     assert flying.until(lambda: "GCS Failsafe On" in flying.texts, 10.0) == pytest.approx(4.0, abs=0.3)
     flying.gcs = True
     flying.run(2.0)

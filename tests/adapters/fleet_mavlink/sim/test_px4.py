@@ -74,7 +74,8 @@ def test_the_answer_goes_to_the_asker(px4):
     assert (ack.target_system, ack.target_component) == (245, 191)
 
 
-def test_rates_come_unasked_and_can_be_changed(px4):
+def test_rates_come_unasked_and_can_be_changed(bench):
+    px4 = bench("px4", step=0.02)
     px4.run(0.2)
     px4.heard.clear()
     px4.run(10)

@@ -45,8 +45,7 @@ def test_it_is_off_unless_it_is_enabled(rover):
 def test_it_acts_after_its_time_and_not_before(rover, seconds):
     rover.set_param("FS_GCS_ENABLE", 1)
     rover.set_param("FS_TIMEOUT", seconds)
-    rover.run(1.0 - rover.now % 1.0 + 0.02)
-    rover.gcs = False
+    rover.lose_station()
     took = rover.until(lambda: "GCS Failsafe" in rover.texts, limit=10.0)
     assert took == pytest.approx(seconds + 0.5, abs=0.25)
 

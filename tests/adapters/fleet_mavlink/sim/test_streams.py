@@ -35,7 +35,8 @@ def test_data_streams_can_be_asked_for(ap):
     assert 38 <= len(ap.said("SYS_STATUS")) <= 42
 
 
-def test_message_rates(ap):
+def test_message_rates(bench):
+    ap = bench("ardupilot", step=0.02)
     ap.run(0.2)
     assert ap.requests(511, 30, 20000) == [ACCEPTED]
     assert ap.requests(511, 30, 2500) == [DENIED]
@@ -96,7 +97,7 @@ def test_a_data_stream_is_stopped_again_and_px4_knows_none(ap, bench):
     ap.heard.clear()
     ap.run(1.0)
     assert not ap.said("ATTITUDE")
-    px4 = bench("px4")
+    px4 = bench("px4", step=0.02)
     px4.run(0.2)
     px4.tell(mav.MAVLink_request_data_stream_message(1, 1, 0, 1, 0))
     px4.heard.clear()
