@@ -8,7 +8,7 @@ import pytest
 from fleet.bus import keys
 from fleet.model.change import HeldRobot, HoldRequest, HoldRobot, Outcome
 from fleet.model.command import Reply
-from tests.fleet.host.edge.test_changes import HERE, moves, running
+from tests.fleet.host.edge.test_changes import GOTO, HERE, moves, running
 
 LIMBS = {"worker": "limbs"}
 
@@ -29,33 +29,33 @@ async def test_what_is_stricter_reaches_a_robot_that_moves_and_its_worker_goes_o
     assert field.place.words("arm") == ["run", "navigate"]
     config = field.edge.remote["arm"].config
     assert (config.limits.speed, config.limits.yaw_rate) == (0.5, 1.0)
+    a_worker_that_dies_now_would_come_up_with_what_it_was_held_to(field)
     assert (await field.say("arm", {"command": "stop"})).ok
     await field.until(lambda: field.state("arm").activity == "")
     assert (await field.apply())["arm"].outcome is Outcome.DONE
     assert field.edge.remote["arm"].config.limits.yaw_rate == 9.0
     assert (await field.request()).same
+    await looser_settings_at_rest_and_stricter_ones_in_motion_are_done_without_a_restart(field)
 
 
-async def test_looser_settings_at_rest_and_stricter_ones_in_motion_are_done_without_a_restart(field):
-    field.write("arm", accepts={"command": ["tele", "edit"]})
-    assert (await field.apply())["arm"].outcome is Outcome.DONE
-    assert field.place.words("arm") == field.place.words("leg") == ["run"]
-    await moves(field, "arm")
-    field.write("arm", accepts={"command": [], "navigate": []})
-    assert (await field.apply())["arm"].outcome is Outcome.DONE
-    assert field.place.words("arm") == ["run", "navigate"]
-    assert (await field.request()).same
-
-
-async def test_a_worker_that_dies_afterwards_comes_up_with_what_it_was_held_to(field):
-    await moves(field, "arm")
-    field.write("arm", limits={"yaw_rate": 9.0}, accepts={"command": ["edit"]})
-    assert (await field.apply())["arm"].outcome is Outcome.PARTLY
-    field.bus_session.put(keys.stop(field.place.id), b"", urgent=True)
+def a_worker_that_dies_now_would_come_up_with_what_it_was_held_to(field):
     task = json.loads(field.edge._workers.managers["limbs"]._task)
     (given,) = [json.loads(robot["given"]) for robot in task["robots"] if robot["name"] == "arm"]
     assert given["accepts"]["command"] == []
-    assert given["limits"]["yaw_rate"] == 1.0
+    assert (given["limits"]["speed"], given["limits"]["yaw_rate"]) == (0.5, 1.0)
+
+
+async def looser_settings_at_rest_and_stricter_ones_in_motion_are_done_without_a_restart(field):
+    runs = field.place.processes("arm"), field.place.processes("leg")
+    field.write("arm", accepts={"command": ["tele", "edit"]})
+    assert (await field.apply())["arm"].outcome is Outcome.DONE
+    assert (field.place.processes("arm"), field.place.processes("leg")) == runs
+    assert (await field.say("arm", GOTO | {"action_id": "a2"}, "navigate")).ok
+    await field.until(lambda: field.place.words("arm")[-1] == "navigate")
+    field.write("arm", accepts={"command": [], "navigate": []})
+    assert (await field.apply())["arm"].outcome is Outcome.DONE
+    assert (field.place.processes("arm"), field.place.words("arm")[-1]) == (runs[0], "navigate")
+    assert (await field.request()).same
 
 
 async def test_a_worker_answers_for_each_robot_and_a_stop_finds_a_group_that_came_while_it_runs(field):

@@ -59,20 +59,37 @@ async def field(yard, run_edge, requests):
         await asyncio.to_thread(bus_session.close)
 
 
-async def test_a_changed_file_is_in_use_after_it_and_the_edge_runs_on(field, fleet):
-    (before,) = field.place.processes("arm")
-    field.change('self.note("run")', 'self.note("run"); self.note("changed")')
-    code, out, _ = await fleet("adapters", "reload", "toy", "-f", str(field.place.file))
-    assert (code, out) == (7, "worker limbs: reloaded; running again: arm, leg\n")  # 7: rex has no worker
-    await field.until(lambda: all(state.health == "ok" for state in field.edge.states()))
-    assert field.place.processes("arm")[-1] != before
-    assert "changed" in field.place.words("arm")
-    assert len(field.place.processes("rex")) == 1
+UNUSABLE = (
+    ("class Toy", "class Toy(", r"toy\.py: .*SyntaxError|toy\.py: .*syntax"),
+    ('Literal["toy"]', 'Literal["other"]', r"toy\.py: it has no adapter 'toy' any more"),
+    ("journal: str", "journal: int", r"arm: the changed file refuses its config: journal: must"),
+)
 
 
-async def test_a_person_learns_why_it_is_refused(field, fleet):
+async def test_it_is_refused_for_a_file_that_cannot_be_used_and_while_a_robot_of_the_worker_is_commanded(
+    field, fleet
+):
+    for old, new, expected in UNUSABLE:
+        field.change(old, new)
+        reply = await field.reload()
+        assert not reply.ok
+        assert re.search(expected, reply.reason), reply.reason
+        assert len(field.place.processes("arm")) == 1
+        assert field.state("arm").health == "ok"
+        field.change(new, old)
     await field.say("leg", GOTO, kind="navigate")
     await field.until(lambda: "navigate" in field.place.words("leg"))
+    reply = await field.reload()
+    assert not reply.ok
+    assert re.match(r"leg is commanded \(.+\); stop it first", reply.reason)
+    assert len(field.place.processes("leg")) == 1
+    await a_person_learns_why_it_is_refused(field, fleet)
+    await field.say("leg", {"command": "stop"})
+    await field.until(lambda: field.state("leg").activity == "")
+    assert (await field.reload()).ok
+
+
+async def a_person_learns_why_it_is_refused(field, fleet):
     code, out, err = await fleet("adapters", "reload", "toy", "-f", str(field.place.file))
     assert (code, out) == (5, "")
     assert "worker limbs: not reloaded: leg is commanded" in err
@@ -84,40 +101,19 @@ async def test_a_person_learns_why_it_is_refused(field, fleet):
     assert reply.reason == "worker limbs runs no drop-in file with the adapter 'lawnmower'"
 
 
-async def test_it_is_refused_while_a_robot_of_the_worker_is_commanded(field):
-    await field.say("leg", GOTO, kind="navigate")
-    await field.until(lambda: "navigate" in field.place.words("leg"))
-    reply = await field.reload()
-    assert not reply.ok
-    assert re.match(r"leg is commanded \(.+\); stop it first", reply.reason)
-    assert len(field.place.processes("leg")) == 1
-    await field.say("leg", {"command": "stop"})
-    await field.until(lambda: field.state("leg").activity == "")
-    assert (await field.reload()).ok
-
-
-UNUSABLE = (
-    ("class Toy", "class Toy(", r"toy\.py: .*SyntaxError|toy\.py: .*syntax"),
-    ('Literal["toy"]', 'Literal["other"]', r"toy\.py: it has no adapter 'toy' any more"),
-    ("journal: str", "journal: int", r"arm: the changed file refuses its config: journal: must"),
-)
-
-
-async def test_a_changed_file_that_cannot_be_used_leaves_the_old_one_in_use(field):
-    for old, new, expected in UNUSABLE:
-        field.change(old, new)
-        reply = await field.reload()
-        assert not reply.ok
-        assert re.search(expected, reply.reason), reply.reason
-        assert len(field.place.processes("arm")) == 1
-        assert field.state("arm").health == "ok"
-        field.change(new, old)
-
-
-async def test_an_emergency_stop_outlives_it(field):
+async def test_a_changed_file_is_in_use_after_it_the_edge_runs_on_and_an_emergency_stop_outlives_it(
+    field, fleet
+):
     await field.say("arm", {"command": "emergency_stop"})
     await field.until(lambda: field.state("arm").emergency_stop)
-    assert (await field.reload()).ok
+    (before,) = field.place.processes("arm")
+    field.change('self.note("run")', 'self.note("run"); self.note("changed")')
+    code, out, _ = await fleet("adapters", "reload", "toy", "-f", str(field.place.file))
+    assert (code, out) == (7, "worker limbs: reloaded; running again: arm, leg\n")  # 7: rex has no worker
     await field.until(lambda: len(field.place.processes("arm")) == 2)
-    await field.until(lambda: field.state("arm").reachable)
+    await field.until(lambda: all(state.reachable for state in field.edge.states()))
+    assert field.place.processes("arm")[-1] != before
+    assert "changed" in field.place.words("arm")
+    assert len(field.place.processes("rex")) == 1
     assert field.state("arm").emergency_stop
+    assert field.state("leg").health == "ok"
