@@ -24,7 +24,7 @@ class SharedProbe:
     def is_usable(self) -> bool:
         """Return False for a process that has ended, and for a file whose report names its folder."""
         try:
-            return not self.found().reports and self._probe._process.poll() is None
+            return self._probe._process.poll() is None and not self.found().reports
         except ProbeError:
             return False
 

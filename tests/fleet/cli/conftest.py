@@ -79,7 +79,7 @@ class Result(NamedTuple):
 
 
 @pytest.fixture
-def place(tmp_path, monkeypatch):
+def place(tmp_path, monkeypatch, shared_probes):
     """Make a folder with a good fleet.yaml and a toy adapter; the current one for the time of the test."""
     (tmp_path / "plugins").mkdir()
     (tmp_path / "plugins" / "toy.py").write_text(TOY)

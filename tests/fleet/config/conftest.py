@@ -21,7 +21,7 @@ INSTALLED = EntryPoint(name="toy", value="toy_for_config:Toy", group=GROUP)
 class Yard:
     """A folder with a fleet file, and a toy adapter: installed, or (``drop_in``) a file in its plugin folder.
 
-    A drop-in file is asked in a process of its own, which takes a third of a second for each load.
+    A drop-in file is asked in a process of its own, which tests with the same file share.
     """
 
     def __init__(self, folder: pathlib.Path):
@@ -54,7 +54,7 @@ class Yard:
 
 
 @pytest.fixture
-def yard(tmp_path):
+def yard(tmp_path, shared_probes):
     return Yard(tmp_path)
 
 

@@ -149,6 +149,42 @@ def test_a_file_that_cannot_be_used_is_one_report_with_its_place(file, text, rep
     assert "fleet_plugins.toy" not in sys.modules or "defines no" in report
 
 
+@pytest.mark.parametrize(
+    ("text", "report"),
+    [
+        ("import no_such", "No module named 'no_such' ({file}:1)"),
+        ("\ndef broken(:\n", "invalid syntax ({file}:2)"),
+        ("a = 'x\x00'", "source code string cannot contain null bytes"),
+        ("class Panic(BaseException): pass\nraise Panic('gone')", "Panic: gone ({file}:2)"),
+        (
+            "from fleet import FrameAdapter\nclass Bare(FrameAdapter): pass",
+            "Bare: Bare does not define decode, halt",
+        ),
+        (TOY.replace("    Config = Config\n", ""), "needs a class attribute Config"),
+        (TOY.replace('Literal["toy"]', "str"), 'Config needs the field adapter: Literal["its name"]'),
+        (
+            TOY + "    @command('go')\n    async def go(self, far): ...\n",
+            "command method go: far has no type; write it like far: Annotated",
+        ),
+        (
+            TOY + "    api = 2\n",
+            "version 2 of the adapter API, this fleet has version 1: upgrade fleet",
+        ),
+        (TOY + "    api = 0\n", "this fleet has version 1: upgrade the adapter"),
+        (TOY + "    limits = 5\n", "Toy.limits must be Limits(...), not 5"),
+        (
+            TOY.replace("class Toy(", "    limits: float = 1.0\n\nclass Toy("),
+            "Config.limits is a field of the host's own; give yours another name",
+        ),
+    ],
+    ids=range(12),
+)
+def test_a_file_without_a_usable_class_is_one_report(file, text, report):
+    names, (said,) = imported(file, text.replace("from fleet import", "from fleet import command,", 1))
+    assert names == []
+    assert report.format(file=file) in said
+
+
 def test_one_class_that_is_wrong_costs_no_other(file):
     odd = "class Odd(FrameAdapter):\n    def halt(self): return ()\n    def decode(self, *_): return ()\n"
     more = f"{TOY}\n{odd}"

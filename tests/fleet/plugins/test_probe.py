@@ -62,20 +62,25 @@ def write(folder, **files):
         (folder / f"{stem}.py").write_text(textwrap.dedent(text))
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-def test_a_file_that_fails_at_import_is_one_report_and_leaves_nothing_behind(tmp_path, monkeypatch, fault):
-    text, report = FAULTS[fault]
-    if "hung" in report:  # whatever is given up: the good file beside it has as much again
-        monkeypatch.setattr("fleet.plugins.probe.IMPORT_WITHIN", 2.0)
-    write(tmp_path, bad=text, toy=TOY)
+HANG = tuple(name for name, (_, report) in FAULTS.items() if "hung" in report)
+
+
+@pytest.mark.parametrize("hang", [True, False])
+def test_a_file_that_fails_at_import_is_one_report_and_leaves_nothing_behind(tmp_path, monkeypatch, hang):
+    if hang:  # they are given up, one after another; the good file beside them has as much time again
+        monkeypatch.setattr("fleet.plugins.probe.IMPORT_WITHIN", 1.5)
+    faults = {name.replace(" ", "_"): FAULTS[name] for name in FAULTS if (name in HANG) is hang}
+    write(tmp_path, toy=TOY, **{name: text for name, (text, _) in faults.items()})
     registry = Registry([])
     registry.add_folder(tmp_path)
-    (bad,) = registry.broken_files()
-    assert (bad.name, bad.origin, bad.state) == ("bad", str(tmp_path / "bad.py"), PluginState.FAILED)
-    assert report in bad.report
+    broken = {bad.name: bad for bad in registry.broken_files()}
+    assert broken.keys() == faults.keys()
+    for name, (_, report) in faults.items():
+        assert (broken[name].origin, broken[name].state) == (str(tmp_path / f"{name}.py"), PluginState.FAILED)
+        assert report in broken[name].report
     assert registry.get("toy").state is PluginState.LOADED
     registry.close()
-    wait_until("nothing is left of it", lambda: not left_of(tmp_path))
+    wait_until("nothing is left of them", lambda: not left_of(tmp_path))
 
 
 def test_a_file_that_forks_at_import_is_asked_once_and_its_child_ends(tmp_path):
@@ -133,6 +138,7 @@ def test_a_config_that_hangs_or_exits_is_an_error(tmp_path, text, monkeypatch):
 
 
 @pytest.mark.parametrize(("mode", "trusted"), [(0o755, True), (0o700, True), (0o775, False), (0o757, False)])
+@pytest.mark.usefixtures("shared_probes")
 def test_code_that_others_may_write_is_refused(tmp_path, mode, trusted):
     write(tmp_path, toy=TOY)
     for path in (tmp_path / "toy.py", tmp_path):
