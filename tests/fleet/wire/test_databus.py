@@ -6,7 +6,7 @@ import pytest
 from cyberwave.data.api import _permissive_decode
 from cyberwave.data.backend import Sample
 from cyberwave.data.header import HeaderMeta, HeaderTemplate, decode, encode
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fleet.errors import WireError
@@ -39,24 +39,22 @@ def as_the_sdk_reads(report, sequence=0):
 
 
 @pytest.mark.parametrize("kind", get_args(Report), ids=lambda kind: kind.channel)
-def test_every_report_comes_back_as_it_was_sent(reports, kind):
-    @given(reports[kind], st.integers(0, 2**62))
-    def round_trip(report, sequence):
-        assert decode_report(kind.channel, encode_report(report, sequence)) == report
-
-    round_trip()
+@settings(max_examples=30)
+@given(data=st.data(), sequence=st.integers(0, 2**62))
+def test_every_report_comes_back_as_it_was_sent(reports, kind, data, sequence):
+    report = data.draw(reports[kind])
+    assert decode_report(kind.channel, encode_report(report, sequence)) == report
 
 
 JSON_KINDS = [kind for kind in get_args(Report) if kind not in (DepthReport, PointCloudReport)]
 
 
 @pytest.mark.parametrize("kind", JSON_KINDS, ids=lambda kind: kind.channel)
-def test_the_sdk_reads_every_report_with_its_stamp(reports, kind):
-    @given(reports[kind])
-    def read(report):
-        assert as_the_sdk_reads(report)["ts"] == report.stamp
-
-    read()
+@settings(max_examples=10)
+@given(data=st.data())
+def test_the_sdk_reads_every_report_with_its_stamp(reports, kind, data):
+    report = data.draw(reports[kind])
+    assert as_the_sdk_reads(report)["ts"] == report.stamp
 
 
 def test_the_header_is_byte_for_byte_the_sdks():

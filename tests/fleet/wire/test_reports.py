@@ -12,7 +12,7 @@ from cyberwave.motion import _NAV_TERMINAL_STATUSES
 from cyberwave.twin.sensors.gps import normalize_gps_payload
 from cyberwave.twin.sensors.imu import normalize_imu_payload
 from cyberwave_contracts import MODELS_BY_CONTRACT_ID
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fleet.errors import WireError
@@ -41,6 +41,7 @@ from fleet.wire.rules import CHANNEL_SUFFIXES
 from fleet.wire.topics import JOINT_UPDATE, Topics
 
 NAN = float("nan")
+TWIN = "6f0c9a1e-3b7d-4c55-9a41-0d6f6f1f2a10"
 
 
 def sent(report, source_type="edge", session="edge_live_1"):
@@ -60,17 +61,16 @@ def seen_pose(before, report):
 
 
 @pytest.mark.parametrize("kind", get_args(Report), ids=lambda kind: kind.channel)
-def test_every_message_is_stamped_tagged_and_goes_to_a_topic_of_its_channel(reports, kind, twin):
-    @given(reports[kind])
-    def check(report):
-        for suffix, message in sent(report, "sim").items():
-            assert suffix in CHANNEL_SUFFIXES[kind.channel]
-            assert Topics("p").parse(Topics("p").twin(twin, suffix)).suffix == suffix
-            assert message["timestamp"] == report.stamp
-            assert message["session_id"] == "edge_live_1"
-            assert message.get("source_type", "sim") == "sim"
-
-    check()
+@settings(max_examples=20)
+@given(data=st.data())
+def test_every_message_is_stamped_tagged_and_goes_to_a_topic_of_its_channel(reports, kind, data):
+    report = data.draw(reports[kind])
+    for suffix, message in sent(report, "sim").items():
+        assert suffix in CHANNEL_SUFFIXES[kind.channel]
+        assert Topics("p").parse(Topics("p").twin(TWIN, suffix)).suffix == suffix
+        assert message["timestamp"] == report.stamp
+        assert message["session_id"] == "edge_live_1"
+        assert message.get("source_type", "sim") == "sim"
 
 
 def test_an_empty_session_is_left_out():
@@ -154,16 +154,13 @@ CONTRACTS = {
 
 @pytest.mark.parametrize("kind", CONTRACTS, ids=lambda kind: kind.channel)
 @pytest.mark.parametrize("source_type", ["edge", "sim"])
-def test_what_is_sent_keeps_its_contract(reports, kind, source_type):
+@settings(max_examples=30)
+@given(data=st.data())
+def test_what_is_sent_keeps_its_contract(reports, kind, source_type, data):
     contract, suffix = CONTRACTS[kind]
-
-    @given(reports[kind])
-    def check(report):
-        for at, message in sent(report, source_type).items():
-            assert at == suffix
-            MODELS_BY_CONTRACT_ID[contract].model_validate(message)
-
-    check()
+    for at, message in sent(data.draw(reports[kind]), source_type).items():
+        assert at == suffix
+        MODELS_BY_CONTRACT_ID[contract].model_validate(message)
 
 
 def test_a_battery_is_reported_in_percent():
