@@ -186,6 +186,31 @@ def play_edge(runtime, module_at):
         yield play_edge
 
 
+@pytest.fixture(scope="module")
+def browser(program, module_at):
+    """Run one browser for all tests of a module, which are plain functions: its loop runs on this thread."""
+    with module_at("browser.py").open_page(program("chromium")) as page:
+        yield page.context.browser
+
+
+@pytest.fixture
+def new_page(browser):
+    """Open an empty page that remembers nothing; an error of the page fails the test."""
+    with contextlib.ExitStack() as stack:
+        errors = []
+
+        def new_page(**options):
+            context = browser.new_context(**options)
+            stack.callback(context.close)
+            page = context.new_page()
+            page.set_default_timeout(60_000)  # busy computers are slow
+            page.on("pageerror", lambda error: errors.append(str(error)))
+            return page
+
+        yield new_page
+        assert errors == []
+
+
 @pytest.fixture(scope="session")
 def serve_console():
     """Serve a console of one's own."""

@@ -136,7 +136,7 @@ def page(served, yard, program, module_at):
         yield page
 
 
-def test_the_pictures_lie_under_the_robots_where_they_are_on_earth(page):
+def test_the_pictures_lie_under_the_robots_where_they_are_on_earth_and_can_be_taken_away(page):
     for (zoom, column, row), color in COLORS.items():
         latitude, longitude = place_of(column + 0.5, row + 0.37, zoom)
         at = world_from_geo(GeoOrigin(*ORIGIN), GeoPoint(latitude, longitude, ORIGIN[2]))
@@ -149,6 +149,10 @@ def test_the_pictures_lie_under_the_robots_where_they_are_on_earth(page):
         seen = wait_until("the colour", lambda at=at: color_at(page, at.x, at.y))
         assert max(range(3), key=lambda part: seen[part]) == max(range(3), key=lambda part: color[part])
     assert page.inner_text("#map-credit") == "© the surveyor"
+    button = page.locator("#basemap")
+    button.click()
+    assert button.get_attribute("aria-pressed") == "false"
+    assert page.locator("#map-credit").is_hidden()
 
 
 def color_at(page, x, y):
@@ -164,10 +168,3 @@ def color_at(page, x, y):
         }""",
         [x, y],
     )
-
-
-def test_the_map_can_be_taken_away(page):
-    button = page.locator("#basemap")
-    button.click()
-    assert button.get_attribute("aria-pressed") == "false"
-    assert page.locator("#map-credit").is_hidden()

@@ -1,6 +1,6 @@
 """The page in a real browser: what it shows, and the stop that works whatever else does not."""
 
-import contextlib
+import functools
 import json
 import re
 from pathlib import Path
@@ -21,6 +21,7 @@ from fleet.model.site import Placement
 from fleet.model.state import RobotState
 from tests.tools.waiting import wait_until
 
+pytestmark = pytest.mark.xdist_group("pages")  # in one process: to start a browser takes two seconds
 WAIT = 60_000  # ms; busy computers are slow
 AXE = Path(__file__).parents[2] / "data" / "axe" / "axe.min.js"  # axe-core 4.14.1, unchanged
 SCRIPT = "<img src=x onerror=window.broken=1>"
@@ -64,36 +65,22 @@ def yard(play_edge):
     return yard
 
 
-@pytest.fixture(scope="module")
-def browser(program, module_at):
-    """Run one browser for all tests of this module."""
-    with module_at("browser.py").open_page(program("chromium")) as page:
-        yield page.context.browser
-
-
 @pytest.fixture
-def open_page(browser, console, yard):
+def open_page(new_page, console, yard):
     """Open the console in a browser that remembers nothing; an error of the page fails the test."""
-    with contextlib.ExitStack() as stack:
-        errors = []
 
-        def open_page(
-            permission=Permission.ADMIN, prepare=lambda _page: None, *, loads=True, operator="anna", **options
-        ):
-            context = browser.new_context(viewport={"width": 1200, "height": 800}, **options)
-            stack.callback(context.close)
-            page = context.new_page()
-            page.set_default_timeout(WAIT)
-            page.on("pageerror", lambda error: errors.append(str(error)))
-            prepare(page)
-            page.goto(console.link(permission, operator), wait_until="load" if loads else "commit")
-            if loads:
-                page.wait_for_selector(row(REX))
-                page.wait_for_selector(row(BEAST))
-            return page
+    def open_page(
+        permission=Permission.ADMIN, prepare=lambda _page: None, *, loads=True, operator="anna", **options
+    ):
+        page = new_page(viewport={"width": 1200, "height": 800}, **options)
+        prepare(page)
+        page.goto(console.link(permission, operator), wait_until="load" if loads else "commit")
+        if loads:
+            page.wait_for_selector(row(REX))
+            page.wait_for_selector(row(BEAST))
+        return page
 
-        yield open_page
-        assert errors == []
+    return open_page
 
 
 def row(robot):
@@ -382,10 +369,10 @@ def driven(requested):
 @pytest.fixture
 def pad(open_page, yard):
     """Hold the pad's button for forward; returns the page and the velocities that the robot is asked for."""
+    requested = yard.answers("rex", Reply("motion", ReplyStatus.ACCEPTED))
 
-    def hold(**prepared):
-        requested = yard.answers("rex", Reply("motion", ReplyStatus.ACCEPTED))
-        page = open_page(**prepared)
+    def hold(page=None, **prepared):
+        page = page or open_page(**prepared)
         page.click(row(REX))
         page.hover(".axis.forward")
         wait_until("three velocities without an end", lambda: held(page, requested))
@@ -422,12 +409,19 @@ ENDS = {
 }
 
 
-@pytest.mark.parametrize("ends", ENDS)
-def test_a_robot_is_driven_only_while_the_pad_is_held(pad, ends):
-    page, requested = pad()
-    ENDS[ends](page)
-    wait_until("the zero", lambda: 0.0 in driven(requested))
-    assert set(driven(requested)[driven(requested).index(0.0) :]) == {0.0}
+def test_a_robot_is_driven_only_while_the_pad_is_held(pad):
+    page = None
+    for end in ENDS.values():  # the closed tab is the last
+        page, requested = pad(page)
+        end(page)
+        wait_until("the zero", functools.partial(has_zero, requested))
+        assert set(driven(requested)[driven(requested).index(0.0) :]) == {0.0}
+        if not page.is_closed():
+            page.mouse.up()
+
+
+def has_zero(requested):
+    return 0.0 in driven(requested)
 
 
 def test_a_pad_ends_when_the_answers_take_too_long(pad):

@@ -15,7 +15,7 @@ from fleet_quadruped.robot.names import JOINTS, LEGS
 from fleet_quadruped.robot.reading import checked, read_tree
 from tests.tools.waiting import wait_until
 
-WAIT = 60_000  # ms; busy computers are slow
+pytestmark = pytest.mark.xdist_group("pages")  # in one process: to start a browser takes two seconds
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 DOG = checked(EXAMPLE, read_tree(EXAMPLE), DogDescription)
 ANGLES = {name: 0.4 - 0.11 * number for number, name in enumerate(JOINTS)}
@@ -33,14 +33,13 @@ def yard(play_edge):
 
 
 @pytest.fixture
-def page(program, module_at, console, yard):
+def page(new_page, console, yard):
     """Open the console in a browser; an error of the page fails the test."""
-    with module_at("browser.py").open_page(program("chromium")) as page:
-        page.set_default_timeout(WAIT)
-        page.goto(console.link())
-        page.click('#robots li[data-id="yard-1/rex"]')
-        page.wait_for_selector(".body3d")
-        yield page
+    page = new_page()
+    page.goto(console.link())
+    page.click('#robots li[data-id="yard-1/rex"]')
+    page.wait_for_selector(".body3d")
+    return page
 
 
 def feet():

@@ -23,7 +23,7 @@ from fleet.model.permission import Permission
 from fleet.model.site import Placement
 from tests.tools.waiting import wait_until
 
-WAIT = 60_000  # ms; busy computers are slow
+pytestmark = pytest.mark.xdist_group("pages")  # in one process: to start a browser takes two seconds
 AXE = Path(__file__).parents[2] / "data" / "axe" / "axe.min.js"  # axe-core 4.14.1, unchanged
 SCRIPT = "<img src=x onerror=window.broken=1>"
 RESULT = RehearsalResult(
@@ -74,16 +74,12 @@ def edge(play_edge):
 
 
 @pytest.fixture
-def page(program, module_at, console, edge):
+def page(new_page, console, edge):
     """Open the console in a browser; an error of the page fails the test."""
-    with module_at("browser.py").open_page(program("chromium")) as page:
-        errors = []
-        page.set_default_timeout(WAIT)
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.goto(console.link(Permission.OPERATE))
-        page.wait_for_selector('#robots li[data-id="yard-1/rex"]')
-        yield page
-        assert errors == []
+    page = new_page()
+    page.goto(console.link(Permission.OPERATE))
+    page.wait_for_selector('#robots li[data-id="yard-1/rex"]')
+    return page
 
 
 def ghost(page):

@@ -1,6 +1,5 @@
 """The page at a second of the recordings: everything as it was then, and no control but the stop."""
 
-import contextlib
 import math
 import time
 from datetime import UTC, datetime
@@ -17,7 +16,7 @@ from tests.tools.recordings import TWINS, write_recording
 from tests.tools.waiting import wait_until
 
 AXE = Path(__file__).parents[2] / "data" / "axe" / "axe.min.js"
-WAIT = 60_000  # ms; busy computers are slow
+pytestmark = pytest.mark.xdist_group("pages")  # in one process: to start a browser takes two seconds
 REX, ANN = "yard-1/rex", "yard-1/ann"
 LENGTH = 400  # s of the recording
 
@@ -44,34 +43,20 @@ def yard(play_edge):
     return play_edge("yard-1", robots={"rex": rex})
 
 
-@pytest.fixture(scope="module")
-def browser(program, module_at):
-    """Run one browser for all tests of this module."""
-    with module_at("browser.py").open_page(program("chromium")) as page:
-        yield page.context.browser
-
-
 @pytest.fixture
-def open_past(browser, served, yard):
+def open_past(new_page, served, yard):
     """Open the page; an error of it fails the test."""
-    with contextlib.ExitStack() as stack:
-        errors = []
 
-        def open_past(permission=Permission.ADMIN, at=None, **options):
-            context = browser.new_context(viewport={"width": 1200, "height": 800}, **options)
-            stack.callback(context.close)
-            page = context.new_page()
-            page.set_default_timeout(WAIT)
-            page.on("pageerror", lambda error: errors.append(str(error)))
-            page.goto(served.link(permission))
-            page.wait_for_selector(f'#robots li[data-id="{REX}"]')
-            if at is not None:
-                page.evaluate("location.hash = `t=${new Date(%f).toISOString()}`" % (at * 1000))
-                page.wait_for_selector("body.past")
-            return page
+    def open_past(permission=Permission.ADMIN, at=None, **options):
+        page = new_page(viewport={"width": 1200, "height": 800}, **options)
+        page.goto(served.link(permission))
+        page.wait_for_selector(f'#robots li[data-id="{REX}"]')
+        if at is not None:
+            page.evaluate("location.hash = `t=${new Date(%f).toISOString()}`" % (at * 1000))
+            page.wait_for_selector("body.past")
+        return page
 
-        yield open_past
-        assert errors == []
+    return open_past
 
 
 def pose(page, robot):
