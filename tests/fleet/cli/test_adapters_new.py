@@ -21,31 +21,45 @@ def kind(request):
     return request.param
 
 
-def installed(folder, into):
-    """Install a package as a wheel, entry points included, into a folder; return an environment with it."""
-    build = "import sys; from setuptools import build_meta; print(build_meta.build_wheel(sys.argv[1]))"
-    built = subprocess.run(
-        [sys.executable, "-c", build, str(into)], cwd=folder, capture_output=True, text=True, check=True
-    )
-    wheel = into / built.stdout.split()[-1]
-    zipfile.ZipFile(wheel).extractall(into)
+BUILD = """
+import os, sys
+from setuptools import build_meta
+
+into, *folders = sys.argv[1:]
+for folder in folders:
+    os.chdir(folder)
+    build_meta.build_wheel(into)
+"""
+
+
+def installed(folders, into):
+    """Install packages as wheels, entry points included, into a folder; return an environment with them."""
+    for_all = [sys.executable, "-c", BUILD, str(into), *map(str, folders)]
+    subprocess.run(for_all, capture_output=True, text=True, check=True)
+    for wheel in into.glob("*.whl"):
+        zipfile.ZipFile(wheel).extractall(into)
     return os.environ | {"PYTHONPATH": str(into), "PYTHONWARNINGS": ""}
 
 
-def test_the_tests_of_a_new_package_pass_as_they_are_and_fleet_finds_it(fleet, place, kind, tmp_path):
-    assert fleet("adapters", "new", "six-wheeler", "--kind", kind).code == 0
-    folder, site = place / "six-wheeler", tmp_path / "site"
+def test_the_tests_of_new_packages_pass_as_they_are_and_fleet_finds_them(fleet, place, tmp_path):
+    names = {kind: f"{kind}-wheeler" for kind in KINDS}
+    for kind, name in names.items():
+        assert fleet("adapters", "new", name, "--kind", kind).code == 0
+    site = tmp_path / "site"
     site.mkdir()
-    environment = installed(folder, site)
+    environment = installed([place / name for name in names.values()], site)
     tests = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:asyncio"]
-    result = subprocess.run(tests, cwd=folder, env=environment, capture_output=True, text=True, check=False)
-    assert result.returncode == 0, result.stdout
-    assert int(re.search(r"(\d+) passed", result.stdout)[1]) >= 15
+    for name in names.values():
+        result = subprocess.run(
+            tests, cwd=place / name, env=environment, capture_output=True, text=True, check=False
+        )
+        assert result.returncode == 0, result.stdout
+        assert int(re.search(r"(\d+) passed", result.stdout)[1]) >= 15
     shown = [sys.executable, "-m", "fleet", "adapters", "--json"]
     found = subprocess.run(
         shown, cwd=site, env=environment, capture_output=True, text=True, check=True
     ).stdout
-    assert '"six-wheeler"' in found
+    assert all(f'"{name}"' in found for name in names.values())
 
 
 def test_it_says_what_it_wrote_and_what_comes_next(fleet, place):
@@ -131,5 +145,6 @@ def test_nothing_of_a_template_is_left(kind):
 
 
 def test_the_list_is_what_is_shown_without_a_command(fleet, place):
-    assert fleet("adapters").out == fleet("adapters", "show").out
-    assert all(name in fleet("adapters").out for name in Registry().names())
+    shown = fleet("adapters").out
+    assert shown == fleet("adapters", "show").out
+    assert all(name in shown for name in Registry().names())
