@@ -175,7 +175,6 @@ async def test_an_edge_that_comes_back_when_it_is_overdue_installs_nothing(fleet
     assert (agent.record.running, here.applied) == (fleet.old, [])
 
 
-@pytest.mark.parametrize("edges", [EDGES[:20]], ids=["twenty"])
 async def test_an_overdue_edge_rolls_back_while_the_roll_out_continues(fleet):
     fleet.fails(["edge-000"], outcomes=[Applied(waits="rex: it is armed")] * 35)
     progress = await fleet.roll_out(within=30.0, stop_if="failed > 5")
