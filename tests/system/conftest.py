@@ -44,6 +44,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             continue
         if item.path.name in REAL_TIME:
             item.add_marker(pytest.mark.real_time)
+        elif item.get_closest_marker("real_time"):
+            continue  # these are one group
         elif "flying" in item.fixturenames:
             item.add_marker(pytest.mark.xdist_group(f"flying {flavour_of(item)}"))
         elif "shared_fleet" in item.fixturenames:

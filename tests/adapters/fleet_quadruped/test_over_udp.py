@@ -88,7 +88,7 @@ async def _walk_and_kill(running, bus):
     async with running(link=None, buses={"a": bus}) as (adapter, robot, _):
         await robot.until(lambda: adapter._body.state.mode == "damped")
         await robot.until(lambda: adapter._body.state.mode == "off")
-        assert states(bus) == {DriveState.SWITCH_ON_DISABLED}
+        assert _stopped(bus) == {DriveState.SWITCH_ON_DISABLED}
         async for _ in adapter.stand_up():
             pass
     assert states(bus) == {DriveState.SWITCH_ON_DISABLED}, "whoever leaves a standing dog takes torque off"
