@@ -41,7 +41,7 @@ class Autopilot:
         return [ack, seen_at(message.param1)] if there else [ack]
 
 
-class Desk:
+class GimbalBench:
     """A gimbal, the autopilot that answers it, and what it was sent."""
 
     def __init__(self, it, autopilot):
@@ -67,7 +67,7 @@ class Desk:
         return [each for each in self.it.sent if isinstance(each, CommandLong) and each.command == command]
 
 
-def run_desk(run_answered, test):
+def run_bench(run_answered, test):
     """Run a test with a gimbal."""
     autopilot = Autopilot()
 
@@ -82,6 +82,6 @@ def run_desk(run_answered, test):
                     take(message)
 
         it.sent._receive = receive
-        await test(Desk(it, autopilot))
+        await test(GimbalBench(it, autopilot))
 
     run_answered(autopilot.answer, main)

@@ -9,18 +9,18 @@ from fleet import FleetError, NotReady, Refused, TimedOut, Unsupported
 from fleet_mavlink.constants import MavCmd, MavResult
 from fleet_mavlink.gimbal import GimbalTurn
 from fleet_mavlink.messages import SystemTime
-from tests.adapters.fleet_mavlink.gimbals import AIM, run_desk
+from tests.adapters.fleet_mavlink.gimbals import AIM, run_bench
 
 CONFIGURE = MavCmd.DO_GIMBAL_MANAGER_CONFIGURE
 
 
 @pytest.fixture
-def desk(run_answered):
+def bench(run_answered):
     """Run a test with a gimbal."""
-    return lambda test: run_desk(run_answered, test)
+    return lambda test: run_bench(run_answered, test)
 
 
-def test_control_is_taken_for_this_edge_once_and_again_after_a_restart(desk):
+def test_control_is_taken_for_this_edge_once_and_again_after_a_restart(bench):
     async def test(it):
         await it.gimbal.turn(GimbalTurn(-10.0, None))
         await it.gimbal.turn(GimbalTurn(-20.0, None))
@@ -31,17 +31,17 @@ def test_control_is_taken_for_this_edge_once_and_again_after_a_restart(desk):
         await it.gimbal.turn(GimbalTurn(-10.0, None))
         assert len(it.commands(CONFIGURE)) == 2
 
-    desk(test)
+    bench(test)
 
 
-def test_an_axis_that_is_not_named_stays_and_the_horizon_is_kept(desk):
+def test_an_axis_that_is_not_named_stays_and_the_horizon_is_kept(bench):
     async def test(it):
         await it.gimbal.turn(GimbalTurn(-10.0, None))
         await it.gimbal.turn(GimbalTurn(None, 20.0))
         assert it.aims == [(-10.0, None, None, None), (None, 20.0, None, None)]
         assert {each.param5 for each in it.commands(AIM)} == {12.0}
 
-    desk(test)
+    bench(test)
 
 
 @pytest.mark.parametrize(
@@ -52,7 +52,7 @@ def test_an_axis_that_is_not_named_stays_and_the_horizon_is_kept(desk):
         (GimbalTurn(-10.0, 5.0), (-10.0, 5.0, None, None)),
     ],
 )
-def test_relative_angles_are_from_where_it_is_seen(desk, turn, sent):
+def test_relative_angles_are_from_where_it_is_seen(bench, turn, sent):
     async def test(it):
         it.tells(-30.0, 20.0)
         turning = asyncio.ensure_future(it.gimbal.turn(turn))
@@ -60,17 +60,17 @@ def test_relative_angles_are_from_where_it_is_seen(desk, turn, sent):
         assert it.aims == [tuple(each if each is None else pytest.approx(each, abs=1e-6) for each in sent)]
         turning.cancel()
 
-    desk(test)
+    bench(test)
 
 
 @pytest.mark.parametrize("turn", [GimbalTurn(5.0, None, relative=True), GimbalTurn(5.0, None, seconds=2.0)])
-def test_what_needs_to_know_how_it_is_turned_is_refused_while_it_does_not_say(desk, turn):
+def test_what_needs_to_know_how_it_is_turned_is_refused_while_it_does_not_say(bench, turn):
     async def test(it):
         with pytest.raises(NotReady, match="the gimbal does not say how it is turned"):
             await it.gimbal.turn(turn)
         assert it.aims == []
 
-    desk(test)
+    bench(test)
 
 
 @pytest.mark.parametrize(
@@ -83,17 +83,17 @@ def test_what_needs_to_know_how_it_is_turned_is_refused_while_it_does_not_say(de
         (None, 361.0, "yaw must be degrees within a turn"),
     ],
 )
-def test_an_angle_beyond_the_gimbals_is_refused(desk, pitch, yaw, why):
+def test_an_angle_beyond_the_gimbals_is_refused(bench, pitch, yaw, why):
     async def test(it):
         with pytest.raises(Refused) as refused:
             await it.gimbal.turn(GimbalTurn(pitch, yaw))
         assert why in refused.value.reason
         assert it.aims == []
 
-    desk(test)
+    bench(test)
 
 
-def test_half_a_degree_beyond_a_limit_is_the_limit_and_unreported_limits_are_none(desk):
+def test_half_a_degree_beyond_a_limit_is_the_limit_and_unreported_limits_are_none(bench):
     async def test(it):
         await it.gimbal.turn(GimbalTurn(-90.5, 160.5))
         it.gimbal._manager = None
@@ -101,10 +101,10 @@ def test_half_a_degree_beyond_a_limit_is_the_limit_and_unreported_limits_are_non
         await it.gimbal.turn(GimbalTurn(-120.0, 350.0))
         assert len(it.aims) == 2
 
-    desk(test)
+    bench(test)
 
 
-def test_a_turn_is_done_when_it_is_seen_and_fails_when_it_is_not(desk):
+def test_a_turn_is_done_when_it_is_seen_and_fails_when_it_is_not(bench):
     async def test(it):
         it.tells(0.0)
         await it.gimbal.turn(GimbalTurn(-45.0, None))
@@ -115,10 +115,10 @@ def test_a_turn_is_done_when_it_is_seen_and_fails_when_it_is_not(desk):
         assert it.it.vehicle.now() - began == pytest.approx(15.0, abs=0.2)
         await it.gimbal.turn(GimbalTurn(-42.1, None))  # within 3 degrees
 
-    desk(test)
+    bench(test)
 
 
-def test_control_that_another_station_took_is_taken_back_by_the_next_command(desk):
+def test_control_that_another_station_took_is_taken_back_by_the_next_command(bench):
     async def test(it):
         await it.gimbal.turn(GimbalTurn(0.0, None))
         it.autopilot.results[AIM] = MavResult.DENIED
@@ -128,20 +128,20 @@ def test_control_that_another_station_took_is_taken_back_by_the_next_command(des
         await it.gimbal.turn(GimbalTurn(5.0, None))
         assert len(it.commands(CONFIGURE)) == 2
 
-    desk(test)
+    bench(test)
 
 
 @pytest.mark.parametrize("result", [MavResult.UNSUPPORTED, MavResult.DENIED, MavResult.FAILED])
-def test_an_autopilot_that_refuses_to_tell_of_a_gimbal_has_none(desk, result):
+def test_an_autopilot_that_refuses_to_tell_of_a_gimbal_has_none(bench, result):
     async def test(it):
         it.autopilot.results[MavCmd.REQUEST_MESSAGE] = result
         with pytest.raises(Unsupported, match="the autopilot has no gimbal"):
             await it.gimbal.spin(1.0, 0.0)
 
-    desk(test)
+    bench(test)
 
 
-def test_one_that_promises_to_tell_and_does_not_has_none_either_and_silence_is_no_answer(desk):
+def test_one_that_promises_to_tell_and_does_not_has_none_either_and_silence_is_no_answer(bench):
     async def test(it):
         it.autopilot.limits = None
         with pytest.raises(Unsupported, match="reports no gimbal"):
@@ -150,10 +150,10 @@ def test_one_that_promises_to_tell_and_does_not_has_none_either_and_silence_is_n
         with pytest.raises(TimedOut):
             await it.gimbal.turn(GimbalTurn(0.0, None))
 
-    desk(test)
+    bench(test)
 
 
-def test_a_silent_vehicle_is_not_asked(desk):
+def test_a_silent_vehicle_is_not_asked(bench):
     async def test(it):
         it.it.silent = True
         await asyncio.sleep(5.0)
@@ -161,4 +161,4 @@ def test_a_silent_vehicle_is_not_asked(desk):
             await it.gimbal.turn(GimbalTurn(0.0, None))
         assert it.it.sent == []
 
-    desk(test)
+    bench(test)

@@ -8,18 +8,18 @@ import pytest
 from fleet import Refused, TimedOut
 from fleet_mavlink.constants import MavResult
 from fleet_mavlink.gimbal import LEASE, GimbalTurn
-from tests.adapters.fleet_mavlink.gimbals import AIM, run_desk
+from tests.adapters.fleet_mavlink.gimbals import AIM, run_bench
 
 STOP = (None, None, 0.0, 0.0)
 
 
 @pytest.fixture
-def desk(run_answered):
+def bench(run_answered):
     """Run a test with a gimbal."""
-    return lambda test: run_desk(run_answered, test)
+    return lambda test: run_bench(run_answered, test)
 
 
-def test_a_turn_that_takes_its_time_is_at_a_rate_and_ends_at_the_angles(desk):
+def test_a_turn_that_takes_its_time_is_at_a_rate_and_ends_at_the_angles(bench):
     async def test(it):
         it.tells(0.0)
         began = it.it.vehicle.now()
@@ -29,10 +29,10 @@ def test_a_turn_that_takes_its_time_is_at_a_rate_and_ends_at_the_angles(desk):
         await asyncio.sleep(3.0)
         assert len(it.aims) == 2
 
-    desk(test)
+    bench(test)
 
 
-def test_a_rate_lasts_for_its_lease_from_the_last_command(desk):
+def test_a_rate_lasts_for_its_lease_from_the_last_command(bench):
     async def test(it):
         for _ in range(3):
             await it.gimbal.spin(10.0, -20.0)
@@ -41,21 +41,21 @@ def test_a_rate_lasts_for_its_lease_from_the_last_command(desk):
         await asyncio.sleep(LEASE)
         assert it.aims[3:] == [STOP]
 
-    desk(test)
+    bench(test)
 
 
-def test_angles_replace_a_rate(desk):
+def test_angles_replace_a_rate(bench):
     async def test(it):
         await it.gimbal.spin(10.0, 0.0)
         await it.gimbal.turn(GimbalTurn(0.0, None))
         await asyncio.sleep(3.0)
         assert it.aims[-1] == (0.0, None, None, None)
 
-    desk(test)
+    bench(test)
 
 
 @pytest.mark.parametrize("rate", [360.1, -360.1, math.inf, math.nan])
-def test_a_rate_beyond_a_turn_a_second_is_refused(desk, rate):
+def test_a_rate_beyond_a_turn_a_second_is_refused(bench, rate):
     async def test(it):
         for pitch, yaw in ((rate, 0.0), (0.0, rate)):
             with pytest.raises(Refused, match="a turning speed is within 360 degrees a second"):
@@ -63,10 +63,10 @@ def test_a_rate_beyond_a_turn_a_second_is_refused(desk, rate):
         await it.gimbal.spin(360.0, -360.0)
         assert len(it.aims) == 1
 
-    desk(test)
+    bench(test)
 
 
-def test_a_rate_of_which_nothing_is_known_ends_too(desk):
+def test_a_rate_of_which_nothing_is_known_ends_too(bench):
     """The gimbal may turn at it, and at the rate before it, whose end it replaced."""
 
     async def test(it):
@@ -78,11 +78,11 @@ def test_a_rate_of_which_nothing_is_known_ends_too(desk):
         await asyncio.sleep(LEASE + 0.5)
         assert it.aims[-1] == STOP
 
-    desk(test)
+    bench(test)
 
 
 @pytest.mark.parametrize("seconds", [1.0, 30.0])
-def test_a_slow_turn_that_is_cancelled_does_not_turn_on(desk, seconds):
+def test_a_slow_turn_that_is_cancelled_does_not_turn_on(bench, seconds):
     async def test(it):
         it.tells(0.0)
         turning = asyncio.ensure_future(it.gimbal.turn(GimbalTurn(-80.0, None, seconds=30.0)))
@@ -91,10 +91,10 @@ def test_a_slow_turn_that_is_cancelled_does_not_turn_on(desk, seconds):
         await asyncio.sleep(LEASE + 0.5)
         assert it.aims[-1] == STOP
 
-    desk(test)
+    bench(test)
 
 
-def test_an_end_that_is_not_acknowledged_is_told_and_breaks_nothing(desk, caplog):
+def test_an_end_that_is_not_acknowledged_is_told_and_breaks_nothing(bench, caplog):
     async def test(it):
         await it.gimbal.spin(10.0, 0.0)
         it.autopilot.results[AIM] = MavResult.DENIED
@@ -102,11 +102,11 @@ def test_an_end_that_is_not_acknowledged_is_told_and_breaks_nothing(desk, caplog
         (ending,) = it.tasks
         assert ending.exception() is None
 
-    desk(test)
+    bench(test)
     assert "the gimbal may still turn" in caplog.text
 
 
-def test_angles_that_are_acknowledged_late_are_not_stopped_on_the_way(desk):
+def test_angles_that_are_acknowledged_late_are_not_stopped_on_the_way(bench):
     async def test(it):
         it.tells(0.0)
         turning = asyncio.ensure_future(it.gimbal.turn(GimbalTurn(-40.0, None, seconds=2.0)))
@@ -119,4 +119,4 @@ def test_angles_that_are_acknowledged_late_are_not_stopped_on_the_way(desk):
         assert it.aims[-1] == (-40.0, None, None, None)
         assert STOP not in it.aims
 
-    desk(test)
+    bench(test)

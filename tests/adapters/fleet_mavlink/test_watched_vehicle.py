@@ -8,7 +8,7 @@ from fleet_mavlink.codec import Frame
 from fleet_mavlink.messages import CommandLong, ExtendedSysState
 from fleet_mavlink.signing import Signer, key_of
 from fleet_mavlink.watched_vehicle import descent_commands_of, stops_of
-from tests.adapters.fleet_mavlink.watched_desk import DESK, WatchedDesk, long
+from tests.adapters.fleet_mavlink.watched_bench import STATION, WatchedBench, long
 
 ARM, RTL, LAND, PAUSE, SET_MODE = 400, 20, 21, 193, 176
 DENIED = mav.MAV_RESULT_DENIED
@@ -16,12 +16,12 @@ LOITER = 0x03040000
 
 
 @pytest.fixture
-def desk(harness):
-    return lambda **more: WatchedDesk(harness, **more)
+def bench(harness):
+    return lambda **more: WatchedBench(harness, **more)
 
 
-def test_frames_of_the_vehicle_are_shown_as_they_are(desk, frame_of):
-    it = desk()
+def test_frames_of_the_vehicle_are_shown_as_they_are(bench, frame_of):
+    it = bench()
     raw = frame_of(mav.MAVLink_heartbeat_message(2, 12, 0, 0, 3, 3))
     it.watched.show(Frame(1, 1, CommandLong(1), raw=raw))
     assert it.frames == [raw]
@@ -29,16 +29,16 @@ def test_frames_of_the_vehicle_are_shown_as_they_are(desk, frame_of):
 
 @pytest.mark.parametrize("may", ["watch", "operate"])
 @pytest.mark.parametrize("system", [255, 254])
-def test_whoever_watches_reads(desk, may, system):
-    it = desk(may=may).flies()
+def test_whoever_watches_reads(bench, may, system):
+    it = bench(may=may).flies()
     it.send(mav.MAVLink_param_request_list_message(1, 1), system=system)
     it.send(long(512, 148), system=system)
     assert len(it.passed) == 2
     assert (it.frames, it.lost, it.halts) == ([], [], 0)
 
 
-def test_what_is_the_stations_own_is_neither_passed_on_nor_refused(desk):
-    it = desk()
+def test_what_is_the_stations_own_is_neither_passed_on_nor_refused(bench):
+    it = bench()
     it.send(mav.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
     assert (it.passed, it.frames) == ([], [])
 
@@ -48,9 +48,9 @@ def test_what_is_the_stations_own_is_neither_passed_on_nor_refused(desk):
     [("watch", 255, "may: watch"), ("operate", 254, "station 255 operates, not 254")],
 )
 def test_a_command_of_one_that_may_not_is_refused_with_the_reason_and_nothing_is_taken(
-    desk, may, system, why
+    bench, may, system, why
 ):
-    it = desk(may=may).flies()
+    it = bench(may=may).flies()
     it.send(long(ARM, 1), system=system)
     (answer,) = it.refusals()
     assert (answer.command, answer.result) == (ARM, DENIED)
@@ -60,8 +60,8 @@ def test_a_command_of_one_that_may_not_is_refused_with_the_reason_and_nothing_is
     assert (it.passed, it.lost, it.halts) == ([], [], 0)
 
 
-def test_the_words_come_once_a_minute_and_the_answer_each_time(desk, caplog):
-    it = desk(may="watch").flies()
+def test_the_words_come_once_a_minute_and_the_answer_each_time(bench, caplog):
+    it = bench(may="watch").flies()
     for _ in range(3):
         it.send(long(ARM, 1))
     assert len(it.refusals()) == 3
@@ -69,26 +69,26 @@ def test_the_words_come_once_a_minute_and_the_answer_each_time(desk, caplog):
     it.it.clock.advance(61.0)
     it.send(long(ARM, 1))
     assert it.reasons.count("refused") == 2
-    assert caplog.messages[0] == f"ground station 255/190 at {DESK}: COMMAND_LONG refused: may: watch"
+    assert caplog.messages[0] == f"ground station 255/190 at {STATION}: COMMAND_LONG refused: may: watch"
 
 
 @pytest.mark.parametrize("may", ["watch", "operate"])
-def test_a_stop_of_anybody_reaches_the_vehicle_and_halts_it_by_our_own_means_too(desk, may):
-    it = desk(may=may).flies()
+def test_a_stop_of_anybody_reaches_the_vehicle_and_halts_it_by_our_own_means_too(bench, may):
+    it = bench(may=may).flies()
     it.send(long(PAUSE, 0.0), system=200)
     assert (len(it.passed), it.halts) == (1, 1)
     assert it.lost == [("ground station 200/190", "OFFBOARD")]
 
 
-def test_an_operator_that_moves_it_takes_it_over(desk):
-    it = desk().flies(LOITER)
+def test_an_operator_that_moves_it_takes_it_over(bench):
+    it = bench().flies(LOITER)
     it.send(long(RTL))
     assert (len(it.passed), it.halts) == (1, 0)
     assert it.lost == [("ground station 255/190", "AUTO.LOITER")]
 
 
-def test_an_operator_that_arms_it_has_it_and_other_commands_on_the_ground_take_nothing(desk):
-    it = desk()
+def test_an_operator_that_arms_it_has_it_and_other_commands_on_the_ground_take_nothing(bench):
+    it = bench()
     it.it.beat()
     it.send(long(SET_MODE, 1, 4, 6))
     assert it.lost == []
@@ -97,8 +97,8 @@ def test_an_operator_that_arms_it_has_it_and_other_commands_on_the_ground_take_n
     assert len(it.passed) == 2
 
 
-def test_a_change_that_moves_nothing_takes_nothing(desk):
-    it = desk().flies()
+def test_a_change_that_moves_nothing_takes_nothing(bench):
+    it = bench().flies()
     it.send(mav.MAVLink_param_set_message(1, 1, b"MIS_TAKEOFF_ALT", 1.5, 9))
     assert (len(it.passed), it.lost) == (1, [])
 
@@ -116,24 +116,24 @@ def test_a_change_that_moves_nothing_takes_nothing(desk):
         (long(PAUSE, 0.0), True),
     ],
 )
-def test_while_an_emergency_stop_is_set_an_operator_only_brings_it_down(desk, message, passes):
-    it = desk().flies()
+def test_while_an_emergency_stop_is_set_an_operator_only_brings_it_down(bench, message, passes):
+    it = bench().flies()
     it.stopped = True
     it.send(message)
     assert len(it.passed) == passes
     assert ("an emergency stop is set" in it.reasons) is not passes
 
 
-def test_a_station_with_the_ids_of_this_edge_is_obeyed_in_nothing(desk):
-    it = desk().flies()
+def test_a_station_with_the_ids_of_this_edge_is_obeyed_in_nothing(bench):
+    it = bench().flies()
     for message in (long(RTL), long(PAUSE, 0.0), mav.MAVLink_param_request_list_message(1, 1)):
         it.send(message, system=245, component=191)
     assert (it.passed, it.lost, it.halts) == ([], [], 0)
     assert "it has the ids of this edge" in it.reasons
 
 
-def test_a_message_that_nobody_may_send_is_refused_to_an_operator_too(desk):
-    it = desk().flies()
+def test_a_message_that_nobody_may_send_is_refused_to_an_operator_too(bench):
+    it = bench().flies()
     it.send(mav.MAVLink_rc_channels_override_message(1, 1, *[1500] * 8))
     it.send(long(511, 30, 1_000_000))
     assert it.passed == []
@@ -141,8 +141,8 @@ def test_a_message_that_nobody_may_send_is_refused_to_an_operator_too(desk):
     assert "this edge has set the rate of that message" in it.reasons
 
 
-def test_a_refused_parameter_is_read_again_for_stations_that_know_no_refusal(desk):
-    it = desk(may="watch").flies()
+def test_a_refused_parameter_is_read_again_for_stations_that_know_no_refusal(bench):
+    it = bench(may="watch").flies()
     it.send(mav.MAVLink_param_set_message(1, 1, b"MIS_TAKEOFF_ALT", 1.5, 9))
     (asked,) = mav.MAVLink(None).parse_buffer(bytearray(it.passed[0]))
     assert (asked.get_type(), asked.param_id) == ("PARAM_REQUEST_READ", "MIS_TAKEOFF_ALT")
@@ -154,8 +154,8 @@ KEY = "correct horse battery"
 
 
 @pytest.mark.parametrize("key", [None, "another passphrase", KEY])
-def test_a_vehicle_that_signs_takes_what_is_signed_with_its_key(desk, key):
-    it = desk(key=KEY).flies()
+def test_a_vehicle_that_signs_takes_what_is_signed_with_its_key(bench, key):
+    it = bench(key=KEY).flies()
     it.send(long(RTL), key=key)
     assert (len(it.passed), len(it.lost)) == ((1, 1) if key == KEY else (0, 0))
     if key != KEY:
@@ -164,30 +164,30 @@ def test_a_vehicle_that_signs_takes_what_is_signed_with_its_key(desk, key):
         assert it.refusals()[0].result == DENIED
 
 
-def test_a_stop_that_is_not_signed_is_no_stop_and_an_unsigned_parameter_is_not_read(desk):
-    it = desk(key=KEY).flies()
+def test_a_stop_that_is_not_signed_is_no_stop_and_an_unsigned_parameter_is_not_read(bench):
+    it = bench(key=KEY).flies()
     it.send(long(PAUSE, 0.0))
     it.send(mav.MAVLink_param_set_message(1, 1, b"MIS_TAKEOFF_ALT", 1.5, 9))
     assert (it.passed, it.halts) == ([], 0)
 
 
-def test_a_lost_link_of_the_vehicle_is_told_and_harms_nothing(desk, caplog):
+def test_a_lost_link_of_the_vehicle_is_told_and_harms_nothing(bench, caplog):
     def lost(_frame, _address):
         raise LinkLost("the line is gone")
 
-    it = desk().flies()
+    it = bench().flies()
     it.link.send = lost
     it.send(long(RTL))
-    assert f"{DESK}: not passed on: the line is gone" in caplog.text
+    assert f"{STATION}: not passed on: the line is gone" in caplog.text
 
 
-def test_what_is_no_message_is_told_and_harms_nothing(desk, caplog):
-    it = desk().flies()
+def test_what_is_no_message_is_told_and_harms_nothing(bench, caplog):
+    it = bench().flies()
     raw = bytearray(long(RTL).pack(mav.MAVLink(None)))
     raw[-1] ^= 0xFF
     it.watched.handle_frame(Frame(255, 190, CommandLong(1), raw=bytes(raw)))
     assert it.passed == []
-    assert DESK in caplog.text
+    assert STATION in caplog.text
 
 
 def commands(found):

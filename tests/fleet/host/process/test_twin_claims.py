@@ -42,14 +42,14 @@ class Bus:
         self._loop = loop
         self._delay = delay
         self.tokens = {}
-        self._lanes = []
+        self._sessions = []
         self.cut = False
 
     def bus_session(self, edge):
-        return Lane(self, edge)
+        return BusSession(self, edge)
 
     def join(self, bus_session):
-        self._lanes.append(bus_session)
+        self._sessions.append(bus_session)
         for key, owner in self.tokens.items():
             if owner is not bus_session and not self.cut:
                 self.show(bus_session, key, True)
@@ -59,7 +59,7 @@ class Bus:
             self.tokens[key] = owner
         else:
             self.tokens.pop(key, None)
-        for bus_session in self._lanes:
+        for bus_session in self._sessions:
             if bus_session is not owner and not self.cut:
                 self.show(bus_session, key, alive)
 
@@ -70,12 +70,12 @@ class Bus:
     def heal(self):
         self.cut = False
         for key, owner in self.tokens.items():
-            for bus_session in self._lanes:
+            for bus_session in self._sessions:
                 if bus_session is not owner:
                     self.show(bus_session, key, True)
 
 
-class Lane:
+class BusSession:
     def __init__(self, bus, edge):
         self._bus = bus
         self.edge = edge
@@ -157,7 +157,7 @@ def test_no_two_edges_ever_run_one_robot_and_one_of_them_does(monkeypatch, seed)
         assert yard.both == 0
         assert len(yard.running) == 1
         for name in sorted(yard.running):
-            bus_session = next(bus_session for bus_session in yard.bus._lanes if bus_session.edge == name)
+            bus_session = next(bus_session for bus_session in yard.bus._sessions if bus_session.edge == name)
             yard.die(bus_session)
         yard.loop.run(24 * SETTLE)
         assert yard.both == 0
@@ -184,7 +184,7 @@ def test_of_two_that_have_it_the_later_gives_way_when_its_robot_stands(monkeypat
 def test_where_no_other_edge_can_be_a_twin_is_claimed_at_once_and_shown_once(monkeypatch):
     yard = Yard(monkeypatch, lambda: 0.0)
     shown = []
-    monkeypatch.setattr(Lane, "token", lambda _lane, key: shown.append(key) or (lambda: None))
+    monkeypatch.setattr(BusSession, "token", lambda _session, key: shown.append(key) or (lambda: None))
     yard.edge("barn", settle=0.0)
     assert (yard.ran, len(shown)) == (["barn"], 1)
     assert shown[0].endswith(keys.HELD)

@@ -227,7 +227,9 @@ class FailingWorker:
 
     def __init__(self, monkeypatch, on_problem=None, halt=lambda name: None):
         self.said, self.tries = [], 0
-        bus_session = type("BusSession", (), {"subscribe": lambda *_: None, "watch_tokens": lambda *_: None})()
+        bus_session = type(
+            "BusSession", (), {"subscribe": lambda *_: None, "watch_tokens": lambda *_: None}
+        )()
 
         async def refuse(*_, **__):
             self.tries += 1

@@ -12,7 +12,7 @@ from fleet_mavlink.signing import Signer, key_of
 from fleet_mavlink.watched_vehicle import WatchedVehicle
 from fleet_mavlink.watcher_config import WatcherConfig
 
-DESK = "udpout:10.0.0.5:14550"
+STATION = "udpout:10.0.0.5:14550"
 OFFBOARD = 0x00060000
 
 
@@ -20,7 +20,7 @@ def long(command, *params, system=1):
     return mav.MAVLink_command_long_message(system, 1, command, 0, *(*params, *([0.0] * (7 - len(params)))))
 
 
-class WatchedDesk:
+class WatchedBench:
     """A vehicle on PX4 that a station sees; ``passed`` reached it, ``shown`` the station."""
 
     def __init__(self, harness, *, may="operate", station=255, key=None):
@@ -35,7 +35,7 @@ class WatchedDesk:
         )
         self.link = SimpleNamespace(send=lambda frame, address: self.passed.append(frame))
         self.watched = WatchedVehicle(
-            WatcherConfig(link=DESK, may=may, station=station),
+            WatcherConfig(link=STATION, may=may, station=station),
             SimpleNamespace(show=self.frames.append),
             SimpleNamespace(system=245, component=191, link=self.link),
             vehicle,
