@@ -119,11 +119,12 @@ async def is_left_to_the_edge_that_the_cloud_shows(field, requests):
 async def test_a_stop_of_any_origin_reaches_a_robot_in_a_worker_with_its_words(field, requests):
     stop = StopRequest(names=("arm",), by="anna", why="smoke", request="r1")
     await stops_arm(field, requests, lambda: field.supervised.stop(stop))
-    assert state_of(field.edge, "arm").stop_cause == "asked by anna (claimed, on this computer): smoke"
+    asked = "asked by anna (claimed, on this computer): smoke"
+    await requests.until(lambda: state_of(field.edge, "arm").stop_cause == asked)
     assert not state_of(field.edge, "rex").emergency_stop
     no_heartbeat = "stop input button: no heartbeat for 1 s"
     await stops_arm(field, requests, lambda: field.edge._stop_robots((), no_heartbeat))
-    assert state_of(field.edge, "arm").stop_cause == no_heartbeat
+    await requests.until(lambda: state_of(field.edge, "arm").stop_cause == no_heartbeat)
     key = keys.stop(field.place.id)
     await stops_arm(field, requests, lambda: field.bus_session.put(key, b"", urgent=True))
 
