@@ -46,6 +46,7 @@ def a_worker_that_dies_now_would_come_up_with_what_it_was_held_to(field):
 
 
 async def looser_settings_at_rest_and_stricter_ones_in_motion_are_done_without_a_restart(field):
+    await field.until(lambda: all(field.state(name).health == "ok" for name in ("arm", "leg")))
     runs = field.place.processes("arm"), field.place.processes("leg")
     field.write("arm", accepts={"command": ["tele", "edit"]})
     assert (await field.apply())["arm"].outcome is Outcome.DONE
