@@ -27,11 +27,18 @@ def open_page(program):
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=program, args=ARGUMENTS)
         page = browser.new_page()
-        errors = []
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.on("console", lambda said: errors.append(said.text) if said.type == "error" else None)
+        errors = errors_of(page, console=True)
         try:
             yield page
         finally:
             browser.close()
         assert not errors, errors
+
+
+def errors_of(page, *, console):
+    """Return a list to which a page adds its uncaught errors, and with ``console`` those in its console."""
+    errors = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    if console:
+        page.on("console", lambda said: errors.append(said.text) if said.type == "error" else None)
+    return errors

@@ -3,8 +3,8 @@
 A long test over combinations of several parameters has the mark ``combinations``: every run tries each value
 once, ``--soak`` tries all combinations.
 
-The fast tier takes a minute: protocol, safety and translation, which are functions and tables. Its tests
-start no program and wait for no socket; a test in its folders that does so has the mark ``waits``.
+The fast tier takes a minute and a half: protocol, safety and translation, which are functions and tables.
+Its tests start no program and wait for no socket; a test in its folders that does so has the mark ``waits``.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ FAST_SHARE = 0.2
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options of the tiers."""
     group = parser.getgroup("tiers")
-    group.addoption("--fast", action="store_true", help="only tests that wait for nothing (a minute)")
+    group.addoption("--fast", action="store_true", help="only tests that wait for nothing (1.5 minutes)")
     group.addoption("--soak", action="store_true", help=f"{SOAK} times as many examples (hours)")
 
 

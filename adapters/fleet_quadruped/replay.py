@@ -62,12 +62,13 @@ class DriveReplay:
         """
         found = list(frames)
         end = found[-1].time if found else 0.0
-        said: dict[str, list[str]] = {}
+        said: dict[str, tuple[str, str]] = {}
         due = 0.0
         for captured in found:
             self.take(captured)
             when = f"{captured.time - end:8.3f} s"
-            for name, *now in () if captured.sent else self._states():
+            states = {} if captured.sent else self._states()  # only the frames of drives change them
+            for name, now in states.items():
                 if said.get(name) != now:
                     said[name] = now
                     yield f"{when}  {name:8} is {': '.join(filter(None, now))}"
@@ -75,11 +76,11 @@ class DriveReplay:
                 due = captured.time + _EVERY
                 yield f"{when}  {self._farthest(only)}"
 
-    def _states(self) -> Iterator[tuple[str, str, str]]:
-        """Yield name, state and fault of each joint."""
+    def _states(self) -> dict[str, tuple[str, str]]:
+        """Return state and fault of each joint, by its name."""
         feedback = self.drives.feedback(self._time)
-        for joint, power, fault in zip(self.dog.all_joints, feedback.powers, feedback.faults, strict=True):
-            yield joint.name, power.value, fault
+        each = zip(self.dog.all_joints, feedback.powers, feedback.faults, strict=True)
+        return {joint.name: (power.value, fault) for joint, power, fault in each}
 
     def _farthest(self, only: str) -> str:
         """Describe the joint that is farthest from its target."""

@@ -5,12 +5,14 @@ import socket
 
 import pytest
 
+from tests.tools.ports import free_ports
+
 TWINS = [f"6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7b{number:02d}" for number in range(10, 20)]
 GOOD = {"name": "good", "twin": TWINS[0], "adapter": "mavlink", "link": "sim:px4"}
 
 
 class Misfortune:
-    """A running edge without its broker; one robot is well, another has no autopilot, a third no port."""
+    """A running edge; one robot is well, another has no autopilot, a third no port."""
 
     def __init__(self, running, folder, *links):
         self.running, self.file = running, folder / "fleet.yaml"
@@ -19,40 +21,38 @@ class Misfortune:
 
 @pytest.fixture(scope="module")
 def misfortune(shared_fleet, shared_folder):
-    """Run it for all tests but one."""
-    with (
-        socket.create_server(("127.0.0.1", 0)) as broker,
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as nobody,
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
-    ):
-        for each in (nobody, other):
-            each.bind(("127.0.0.1", 0))
-        absent, taken = (f"udpin:127.0.0.1:{each.getsockname()[1]}" for each in (nobody, other))
-        port = broker.getsockname()[1]
-        broker.close()
-        nobody.close()
+    """Run it for the tests of robots."""
+    (port,) = free_ports(1, socket.SOCK_DGRAM)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        absent, taken = (f"udpin:127.0.0.1:{each}" for each in (port, other.getsockname()[1]))
         robots = [
             GOOD,
             {"name": "lost", "twin": TWINS[1], "adapter": "mavlink", "link": absent},
             {"name": "blocked", "twin": TWINS[2], "adapter": "mavlink", "link": taken},
         ]
-        cloud = {"host": "127.0.0.1", "port": port, "tls": False}
-        file = {"edge": {"id": "yard"}, "cloud": cloud, "robots": robots}
-        (shared_folder / "fleet.yaml").write_text(json.dumps(file))
-        running = shared_fleet("run", "--json", folder=shared_folder)
+        running = run(shared_fleet, shared_folder, edge={"id": "yard"}, robots=robots)
         running.robot("good", "is well", is_well)
         yield Misfortune(running, shared_folder, absent, taken)
+
+
+def run(fleet, folder, **sections):
+    """Run a fleet with these sections of its file."""
+    (folder / "fleet.yaml").write_text(json.dumps(sections))
+    return fleet("run", "--json", folder=folder)
 
 
 def is_well(state):
     return state["health"] == "ok"
 
 
-def test_an_absent_broker_is_reported_and_the_robots_fly_on_the_bus(misfortune):
-    running = misfortune.running
+def test_an_absent_broker_is_reported_and_the_robots_fly_on_the_bus(fleet, tmp_path, free_port):
+    cloud = {"host": "127.0.0.1", "port": free_port, "tls": False}
+    running = run(fleet, tmp_path, edge={"id": "yard"}, cloud=cloud, robots=[GOOD])
+    running.robot("good", "is well", is_well)
     assert "127.0.0.1" in running.line(r"WARNING .*cloud disconnected: .*").group()
     edge = json.loads(running.call("ps", "--json").stdout)["edges"][0]
-    assert edge["cloud"] == "disconnected"
+    assert (edge["health"], edge["cloud"]) == ("degraded", "disconnected")
     assert running.call("send", "good", "battery_check").returncode == 0
 
 

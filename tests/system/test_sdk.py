@@ -11,6 +11,7 @@ import pytest
 from cyberwave import Cyberwave
 from cyberwave.twin.factory import create_twin
 
+from tests.tools.ports import free_ports
 from tests.tools.sdk import back_end, drive, end
 from tests.tools.waiting import DEADLINE, wait_until
 
@@ -26,9 +27,7 @@ IDENTITIES = {
 @pytest.fixture(scope="module")
 def autopilot():
     """Start an autopilot that is there before the fleet and knows nothing of it; gives its target port."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    (port,) = free_ports(1, socket.SOCK_DGRAM)
     command = [sys.executable, "-m", "fleet_mavlink.sim", "--flavour", "px4", "--to", f"127.0.0.1:{port}"]
     with subprocess.Popen([*command, "--ready-after", "2"], stdout=subprocess.DEVNULL) as running:
         yield port

@@ -9,7 +9,6 @@ import json
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -31,6 +30,7 @@ from fleet.model.command import Reply
 from fleet.model.state import EdgeState, RobotState
 from fleet.runtime.decoding import decode_json
 from tests.tools.lease_service import lease_service
+from tests.tools.ports import free_ports
 from tests.tools.proxy import TcpProxy
 from tests.tools.waiting import wait_until
 
@@ -185,15 +185,6 @@ class Pair:
         self._driver.join(10)
         for computer in self.computers.values():
             computer.end()
-
-
-def free_ports(number):
-    """Return ports that nobody has."""
-    with contextlib.ExitStack() as stack:
-        sockets = [stack.enter_context(socket.socket()) for _ in range(number)]
-        for each in sockets:
-            each.bind(("127.0.0.1", 0))
-        return [each.getsockname()[1] for each in sockets]
 
 
 @pytest.fixture(scope="module")

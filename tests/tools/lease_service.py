@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from tests.tools.ports import free_ports
 from tests.tools.waiting import wait_until
 
 
@@ -17,9 +18,7 @@ def lease_service(folder: Path, config: str = "") -> Iterator[int]:
 
     ``config`` is more of the server's configuration, such as its accounts.
     """
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    (port,) = free_ports(1)
     server = shutil.which("nats-server", path=str(Path(sys.executable).parent))
     assert server is not None
     (folder / "server.conf").write_text(config)

@@ -208,8 +208,6 @@ class Params:
 
     def pending(self) -> list[object]:
         """Return the next PARAM_VALUE messages of a requested list."""
-        if not self._queue:
-            return []
         batch, self._queue = self._queue[:_LIST_PACE], self._queue[_LIST_PACE:]
         return [self._message(name) for name in batch]
 

@@ -8,12 +8,12 @@ import sys
 from datetime import UTC, datetime, timedelta
 
 import pytest
-from argon2 import PasswordHasher
 
 from fleet.bus.access import Access
 from fleet.bus.settings import BusTls
 from fleet.config.certificates import Identity, issue_pair, make_authority
 from fleet.console.people import Person, add_person
+from tests.tools.passwords import quick_hash
 from tests.tools.waiting import DEADLINE, wait_until
 
 LINK = re.compile(r"http://127\.0\.0\.1:\d+/#token=\S{40,}")
@@ -74,11 +74,6 @@ def ports():
         return one.getsockname()[1], other.getsockname()[1]
 
 
-def quickly_hashed(password):
-    """Return a hash with the least work: to check it takes as much as it says."""
-    return PasswordHasher(time_cost=1, memory_cost=8, parallelism=1).hash(password)
-
-
 @pytest.fixture
 def office(place, ports):
     """Write the file of a console without an edge, with its certificates and a person, into a folder."""
@@ -90,7 +85,7 @@ def office(place, ports):
         (place / f"{name}.pem").write_bytes(pair.certificate)
         (place / f"{name}.key").write_bytes(pair.key)
     (place / "office.yaml").write_text(OFFICE.format(bus=ports[0], login=ports[1]))
-    add_person(place / "people.json", Person("anna", "operate", quickly_hashed(PASSWORD)))
+    add_person(place / "people.json", Person("anna", "operate", quick_hash(PASSWORD)))
     return place
 
 

@@ -194,21 +194,21 @@ def browser(program, module_at):
 
 
 @pytest.fixture
-def new_page(browser):
-    """Open an empty page that remembers nothing; an error of the page fails the test."""
+def new_page(browser, module_at):
+    """Open an empty page that remembers nothing; its errors, with ``console`` those told there too, fail."""
     with contextlib.ExitStack() as stack:
-        errors = []
+        pages = []
 
-        def new_page(**options):
+        def new_page(*, console=False, **options):
             context = browser.new_context(**options)
             stack.callback(context.close)
             page = context.new_page()
             page.set_default_timeout(60_000)  # busy computers are slow
-            page.on("pageerror", lambda error: errors.append(str(error)))
+            pages.append(module_at("browser.py").errors_of(page, console=console))
             return page
 
         yield new_page
-        assert errors == []
+        assert [error for errors in pages for error in errors] == []
 
 
 @pytest.fixture(scope="session")

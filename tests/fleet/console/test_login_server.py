@@ -10,7 +10,6 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
-from argon2 import PasswordHasher
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
@@ -24,6 +23,7 @@ from fleet.console.task import LoginTask
 from fleet.history.event_filter import EventFilter
 from fleet.history.reader import read
 from fleet.testing.clock import ManualClock
+from tests.tools.passwords import quick_hash
 from tests.tools.waiting import DEADLINE, wait_until
 
 PASSWORD = "correct horse battery"
@@ -131,8 +131,8 @@ class Page:
 
 @pytest.fixture(scope="module")
 def kept():
-    """Hash the password of all once, with the least work: to check it takes as much as its hash says."""
-    return PasswordHasher(time_cost=1, memory_cost=8, parallelism=1).hash(PASSWORD)
+    """Hash the password of all once."""
+    return quick_hash(PASSWORD)
 
 
 @pytest.fixture(scope="module")
@@ -396,21 +396,15 @@ def test_a_port_that_is_taken_is_reported(tmp_path):
 
 
 @pytest.fixture
-def open_page(program, module_at, beyond):
-    """Open the console in a real browser; an error of the page fails the test."""
-    with module_at("browser.py").open_page(program("chromium")) as first:
-        context = first.context.browser.new_context(ignore_https_errors=True)
-        page, errors = context.new_page(), []
-        page.set_default_timeout(WAIT)
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.goto(f"{beyond.base}/")
-        yield page
-        context.close()
-        assert errors == []
+def opened(new_page, beyond):
+    """Open the console in a real browser."""
+    page = new_page(ignore_https_errors=True)
+    page.goto(f"{beyond.base}/")
+    return page
 
 
-def test_in_a_browser_one_logs_in_stops_robots_is_removed_and_logs_out(open_page, beyond, person, yard):
-    page, name = open_page, person("bert", "view")
+def test_in_a_browser_one_logs_in_stops_robots_is_removed_and_logs_out(opened, beyond, person, yard):
+    page, name = opened, person("bert", "view")
     page.wait_for_url("**/login.html")
     page.evaluate(AXE.read_text())
     found = page.evaluate("axe.run()")["violations"]

@@ -35,7 +35,7 @@ def yard(play_edge):
 @pytest.fixture
 def page(new_page, console, yard):
     """Open the console in a browser; an error of the page fails the test."""
-    page = new_page()
+    page = new_page(console=True)
     page.goto(console.link())
     page.click('#robots li[data-id="yard-1/rex"]')
     page.wait_for_selector(".body3d")

@@ -76,7 +76,7 @@ def edge(play_edge):
 @pytest.fixture
 def page(new_page, console, edge):
     """Open the console in a browser; an error of the page fails the test."""
-    page = new_page()
+    page = new_page(console=True)
     page.goto(console.link(Permission.OPERATE))
     page.wait_for_selector('#robots li[data-id="yard-1/rex"]')
     return page

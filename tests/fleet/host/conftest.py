@@ -32,11 +32,9 @@ from fleet.model.command import Command, Origin, Reply, Setpoint, Transport
 from fleet.model.geometry import Quaternion, Vector3, Velocity
 from fleet.model.navigation import Goal, GoTo, Navigate, Progress
 from fleet.model.report import BatteryReport, PoseReport, TelemetryReport
-from fleet.plugins import registry
 from fleet.robot_config import Limits
 from fleet.testing.clock import ManualClock
 from fleet.testing.robot import RecordingRobot
-from tests.tools.shared_probe import SharedProbes
 from tests.tools.waiting import DEADLINE
 
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
@@ -350,22 +348,13 @@ class Yard:
         return Edge(load(self.file), directory=self.runtime, clock=SystemClock())
 
 
-@pytest.fixture(scope="session")
-def toy_probes() -> Iterator[SharedProbes]:
-    """Ask one process about the toys of all yards, and one about each other text of theirs."""
-    shared = SharedProbes()
-    yield shared
-    shared.end()
-
-
 @pytest.fixture
 def yard(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, toy_probes: SharedProbes
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shared_probes: None
 ) -> Iterator[Callable[..., Yard]]:
     """Return the maker of a yard; the robots' further fields by name."""
     runtime = Path(tempfile.mkdtemp())
     monkeypatch.setenv("FLEET_RUNTIME_DIR", str(runtime))
-    monkeypatch.setattr(registry, "Probe", toy_probes.probe)
     yield lambda **robots: Yard(tmp_path, runtime, robots)
     shutil.rmtree(runtime, ignore_errors=True)  # a process that ends may remove its socket meanwhile
 
