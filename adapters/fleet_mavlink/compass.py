@@ -50,10 +50,10 @@ class Compass:
                 self._heard = None
 
     async def _start(self) -> None:
-        """Start a calibration; one that is left before the vehicle has answered is stopped."""
+        """Start a calibration; one that the vehicle has not answered may have begun, and is stopped."""
         try:
             await self._flight.commander.request(self._flight.flavour.compass_start, tries=1)
-        except asyncio.CancelledError:
+        except (TimedOut, asyncio.CancelledError):
             await self._stop_quietly()
             raise
 

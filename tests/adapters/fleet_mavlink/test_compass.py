@@ -64,6 +64,21 @@ def test_a_calibration_that_is_left_is_stopped_on_the_vehicle(run_in_sim_time, s
 
 
 @both
+def test_a_start_that_is_not_acknowledged_is_stopped_on_the_vehicle(run_in_sim_time, sim_flight, flavour):
+    async def main():
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
+            it.sim.faults["ack_loss"] = 1.0
+            running = asyncio.ensure_future(it.do("start_compass_calibration"))
+            await it.until(lambda: it.sim.equipment.compass.calibrating)
+            with pytest.raises(TimedOut):
+                await running
+            assert not it.sim.equipment.compass.calibrating
+
+    run_in_sim_time(main())
+
+
+@both
 def test_nothing_is_calibrated_in_the_air(run_in_sim_time, sim_flight, flavour):
     async def main():
         async with sim_flight(flavour) as it:
