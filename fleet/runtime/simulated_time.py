@@ -84,7 +84,7 @@ class JumpingLoop(SelectorEventLoop):
         *arguments: *Arguments,
         context: Context | None = None,
     ) -> Handle:
-        """Schedule a call from any thread; from its own the loop is not woken by a socket: it is awake."""
+        """Schedule a call from any thread; the loop's own thread need not wake it through a socket."""
         if asyncio._get_running_loop() is self:  # noqa: SLF001 - public, for event loops
             return self.call_soon(callback, *arguments, context=context)
         return super().call_soon_threadsafe(callback, *arguments, context=context)

@@ -40,14 +40,14 @@ class LastConfiguration(msgspec.Struct, frozen=True):
 
 
 class LastConfigurationFile:
-    """Writes the running configuration of an edge to disk, one write at a time; the latest one stays.
+    """Writes the running configuration of an edge to disk, in the order of the calls.
 
-    The one of the start can take seconds on a slow disk, so that a change can end before it.
+    On a slow disk the write at the start takes seconds; without an order, it could replace a later one.
     """
 
     def __init__(self, folder: Path, clock: Clock) -> None:
         self._folder, self._clock = folder, clock
-        self._turn = asyncio.Lock()  # in order of the calls
+        self._turn = asyncio.Lock()  # first come, first served
 
     async def write(self, running: Loaded) -> None:
         """Write a configuration; a failure is only logged."""
