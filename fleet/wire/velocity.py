@@ -1,29 +1,30 @@
-"""Decoder of Cyberwave's velocity contracts, validated by the published models, to velocity and lease."""
+"""Decoder of Cyberwave's velocity contracts to velocity and lease.
+
+The published models (``cyberwave-contracts``) accept the same messages, which a test checks. They are not
+used here, because to import that package, with the models of all contracts, takes a worker longer than to
+import any other.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
-
-from cyberwave_contracts import AerialVelocityCommandV1, LocomotionVelocityCommandV1
-from pydantic import ValidationError
 
 from fleet.errors import WireError
 from fleet.model.geometry import ZERO_VELOCITY, Vector3, Velocity
 from fleet.wire.spelling import refuse_misspelt
-from fleet.wire.strict import path
+from fleet.wire.strict import number, optional_number, path, text, whole
 
 SHORTEST_LEASE = 0.15  # s, the minimum to which the SDK clamps it
 LONGEST_LEASE = 5.0  # s
 
-Contract = AerialVelocityCommandV1 | LocomotionVelocityCommandV1
+AERIAL = "aerial.velocity_command.v1"
+LOCOMOTION = "locomotion.velocity_command.v1"
+DURATIONS = range(50, 30_001)  # ms; besides 0, a stop
+ORIGINS = ("teleop", "ai_policy", "navigation", "workflow")
+GAITS = ("walk", "trot", "stand")
 
-_CONTRACTS: Mapping[str, type[Contract]] = MappingProxyType(
-    {
-        "aerial.velocity_command.v1": AerialVelocityCommandV1,
-        "locomotion.velocity_command.v1": LocomotionVelocityCommandV1,
-    }
-)
+_BOTH = {"contract", "linear_x", "linear_y", "angular_z", "duration_ms", "origin"}
+_FIELDS = {AERIAL: frozenset({*_BOTH, "linear_z"}), LOCOMOTION: frozenset({*_BOTH, "gait"})}
 
 
 def read_velocity_contract(body: Mapping[str, object], *, where: str) -> tuple[Velocity, float]:
@@ -33,20 +34,32 @@ def read_velocity_contract(body: Mapping[str, object], *, where: str) -> tuple[V
     the gaits ``walk`` and ``trot`` are kept. Raises WireError for a violation of the contract.
     """
     contract = body.get("contract")
-    model = _CONTRACTS.get(contract) if isinstance(contract, str) else None
-    if model is None:
-        raise WireError(f"one of {', '.join(_CONTRACTS)} is needed", where=path(where, "contract"))
-    refuse_misspelt(body, frozenset(model.model_fields), where)
-    try:
-        command = model.model_validate(dict(body))
-    except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False, include_context=False)[0]
-        place = ".".join(str(part) for part in first["loc"])
-        raise WireError(first["msg"], where=path(where, place)) from None
-    if command.duration_ms == 0 or body.get("gait") == "stand":
+    fields = _FIELDS.get(contract) if isinstance(contract, str) else None
+    if fields is None:
+        raise WireError(f"one of {', '.join(_FIELDS)} is needed", where=path(where, "contract"))
+    refuse_misspelt(body, fields, where)
+    in_air = contract == AERIAL
+    linear = Vector3(
+        number(body, "linear_x", where),
+        optional_number(body, "linear_y", where) or 0.0,
+        number(body, "linear_z", where) if in_air else 0.0,
+    )
+    # A gait beside the aerial contract is a field of another program, and is not read as one.
+    gait = "" if in_air else _one_of(GAITS, body, "gait", where)
+    velocity = Velocity(linear, number(body, "angular_z", where), gait)
+    _one_of(ORIGINS, body, "origin", where)
+    duration = whole(body, "duration_ms", where)
+    if duration != 0 and duration not in DURATIONS:
+        bounds = f"0 or {DURATIONS[0]} to {DURATIONS[-1]} ms is needed"
+        raise WireError(f"{bounds}, this is {duration}", where=path(where, "duration_ms"))
+    if duration == 0 or body.get("gait") == "stand":
         return ZERO_VELOCITY, 0.0
-    # Not getattr: the models keep unknown members as they came, and a gait in the aerial contract is one.
-    gait = command.gait if isinstance(command, LocomotionVelocityCommandV1) else ""
-    linear = Vector3(command.linear_x, command.linear_y, getattr(command, "linear_z", 0.0))
-    lease = min(max(command.duration_ms / 1000.0, SHORTEST_LEASE), LONGEST_LEASE)
-    return Velocity(linear, command.angular_z, gait), lease
+    return velocity, min(max(duration / 1000.0, SHORTEST_LEASE), LONGEST_LEASE)
+
+
+def _one_of(words: tuple[str, ...], body: Mapping[str, object], name: str, where: str) -> str:
+    """Return the string ``name``; raises WireError if it is not one of ``words``."""
+    word = text(body, name, where)
+    if word not in words:
+        raise WireError(f"one of {', '.join(words)} is needed", where=path(where, name))
+    return word
