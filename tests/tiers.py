@@ -93,6 +93,8 @@ SOAK = 50
 """Factor for the number of Hypothesis examples with ``--soak``."""
 FAST_SHARE = 0.2
 """Factor for the number of Hypothesis examples with ``--fast``."""
+LONGEST_ID = 100
+"""Characters of a parameter in a test's name; some parameters are megabytes."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -100,6 +102,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("tiers")
     group.addoption("--fast", action="store_true", help="only tests that wait for nothing (1.5 minutes)")
     group.addoption("--soak", action="store_true", help=f"{SOAK} times as many examples (hours)")
+
+
+def pytest_make_parametrize_id(val: object) -> str | None:
+    """Shorten a long parameter in the test's name, which goes from process to process with each report."""
+    if not isinstance(val, str | bytes) or len(val) <= LONGEST_ID:
+        return None
+    return f"{val[: LONGEST_ID // 2]!a} and {len(val) - LONGEST_ID // 2} more"
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:

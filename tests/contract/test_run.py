@@ -100,6 +100,20 @@ def test_a_test_of_the_fast_tier_that_waits_fails(root, tmp_path):
     assert "the fast tier waits for nothing: mark this test waits" in done.stdout
 
 
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        ("x" * 100, None),
+        (10**1000, None),
+        ("x" * 101, f"'{'x' * 50}' and 51 more"),
+        (b"x" * 101, f"b'{'x' * 50}' and 51 more"),
+    ],
+    ids=["short", "number", "text", "bytes"],
+)
+def test_a_long_parameter_is_shortened_in_the_name_of_its_test(module_at, value, shown):
+    assert module_at("tiers.py").pytest_make_parametrize_id(value) == shown
+
+
 @pytest.mark.parametrize(("factor", "count"), [(50, 350), (0.2, 1)])
 def test_a_tier_has_its_own_number_of_examples(module_at, factor, count):
     @settings(max_examples=7, deadline=None)
