@@ -14,12 +14,11 @@ from fleet.console.task import link_socket
 from fleet.model.permission import Permission
 from tests.browser import open_page
 from tests.programs import find
-from tests.tools.pad_wire import LEASE, RELEASED, RobotWire, drive, kill_tab, release
+from tests.tools.pad_wire import LEASE, RELEASED, WIRED, RobotWire, drive, kill_tab, release
 from tests.tools.waiting import wait_until
 
 ROUNDS = 40
 KILLS = 5
-PLUGINS = Path(__file__).parents[1] / "tests" / "tools" / "plugins"
 
 
 def run():
@@ -31,7 +30,7 @@ def run():
         path = Path(folder) / "fleet.yaml"
         robot = {"name": "rex", "twin": str(uuid.uuid4()), "adapter": "wired", "link": wire.link}
         robot["worker"] = "main"
-        file = {"edge": {"id": "pad"}, "console": {"port": 0}, "plugins": [str(PLUGINS)], "robots": [robot]}
+        file = {"edge": {"id": "pad"}, "console": {"port": 0}, "plugins": [str(WIRED)], "robots": [robot]}
         path.write_text(json.dumps(file))
         with process(sys.executable, "-m", "fleet", "run", str(path), "--json"):
             measure(chromium, wire)

@@ -13,9 +13,8 @@ import pytest
 from fleet.console.links import LinkRequest, request_link
 from fleet.console.task import link_socket
 from fleet.model.permission import Permission
+from tests.tools.command_client import PUPPETS
 from tests.tools.waiting import wait_until
-
-PLUGINS = Path(__file__).parents[2] / "tests" / "tools" / "plugins"
 
 UGV = "demo/ugv-1"
 WAIT = 60_000  # ms
@@ -57,7 +56,7 @@ def test_the_demo_prints_a_link_to_a_page_where_a_click_moves_a_robot_and_escape
 def test_an_edge_starts_its_console_and_starts_it_again_when_it_dies(fleet, runtime, tmp_path):
     name = f"yard-{uuid.uuid4().hex[:8]}"
     robot = {"name": "rex", "twin": str(uuid.uuid4()), "adapter": "puppet", "worker": "main", "rate": 0}
-    file = {"edge": {"id": name}, "console": {"port": 0}, "plugins": [str(PLUGINS)], "robots": [robot]}
+    file = {"edge": {"id": name}, "console": {"port": 0}, "plugins": [str(PUPPETS)], "robots": [robot]}
     (tmp_path / "fleet.yaml").write_text(json.dumps(file))
     edge = fleet("run", str(tmp_path / "fleet.yaml"), "--json")
     edge.line(r"console: fleet console --link +prints a link")

@@ -3,14 +3,12 @@
 import contextlib
 import json
 import uuid
-from pathlib import Path
 
 import pytest
 from playwright.sync_api import Error
 
-from tests.tools.pad_wire import LEASE, RELEASED, RobotWire, drive, kill_tab, release
+from tests.tools.pad_wire import LEASE, RELEASED, WIRED, RobotWire, drive, kill_tab, release
 
-PLUGINS = Path(__file__).parents[2] / "tests" / "tools" / "plugins"
 BUSY = 1.0  # s that a computer with ten times too much to do may take besides
 
 
@@ -31,7 +29,7 @@ def driven(fleet, page, wire, tmp_path):
         "worker": "main",
         "link": wire.link,
     }
-    file = {"edge": {"id": name}, "console": {"port": 0}, "plugins": [str(PLUGINS)], "robots": [robot]}
+    file = {"edge": {"id": name}, "console": {"port": 0}, "plugins": [str(WIRED)], "robots": [robot]}
     (tmp_path / "fleet.yaml").write_text(json.dumps(file))
     edge = fleet("run", str(tmp_path / "fleet.yaml"), "--json")
     edge.line(r"console: fleet console --link +prints a link")

@@ -11,9 +11,9 @@ from fleet.console.links import LinkRequest, request_link
 from fleet.console.task import link_socket
 from fleet.model.permission import Permission
 from tests.system.conftest import fleets
+from tests.tools.command_client import PUPPETS
 from tests.tools.waiting import wait_until
 
-PLUGINS = Path(__file__).parents[2] / "tests" / "tools" / "plugins"
 WAIT = 60_000  # ms
 MIDDLE = """() => {
     const video = document.querySelector('video');
@@ -43,7 +43,7 @@ def yard(shared_fleet, shared_folder):
     name = f"yard-{uuid.uuid4().hex[:8]}"
     robot = {"name": "rex", "twin": str(uuid.uuid4()), "adapter": "puppet", "worker": "main", "rate": 0}
     file = shared_folder / "fleet.yaml"
-    text = {"edge": {"id": name}, "console": {"port": 0}, "plugins": [str(PLUGINS)], "robots": [robot]}
+    text = {"edge": {"id": name}, "console": {"port": 0}, "plugins": [str(PUPPETS)], "robots": [robot]}
     file.write_text(json.dumps(text))
     edge = shared_fleet("run", str(file), "--json")
     edge.robot("rex", "is well", lambda state: state["health"] == "ok")

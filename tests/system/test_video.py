@@ -5,15 +5,13 @@ import os
 import signal
 import time
 import uuid
-from pathlib import Path
 
 import psutil
 import pytest
 
 from tests.system.conftest import fleets
+from tests.tools.command_client import PUPPETS
 from tests.tools.waiting import wait_until
-
-PLUGINS = Path(__file__).parents[2] / "tests" / "tools" / "plugins"
 
 WATCH = """async offer => {
     window.candidates = [];
@@ -56,7 +54,7 @@ def edge(shared_fleet, shared_foreign_broker, shared_folder):
         "edge": {"id": f"yard-{uuid.uuid4().hex[:8]}"},
         "cloud": {"host": "127.0.0.1", "port": shared_foreign_broker.port, "tls": False},
         "bus": {"listen": ["tcp/127.0.0.1:0"], "insecure": "local"},
-        "plugins": [str(PLUGINS)],
+        "plugins": [str(PUPPETS)],
         "robots": [robot],
     }
     (shared_folder / "fleet.yaml").write_text(json.dumps(config))

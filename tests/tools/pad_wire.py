@@ -4,11 +4,14 @@ import contextlib
 import socket
 import threading
 import time
+from pathlib import Path
 
 from playwright.sync_api import Error
 
 from tests.tools.waiting import wait_until
 
+WIRED = Path(__file__).parent / "wired_plugins"
+"""The folder to name under ``plugins`` in fleet.yaml, for robots with ``adapter: wired``."""
 LEASE = 0.5  # s, the default of fleet.yaml
 MOVES, STANDS = b"drive 0.5", (b"drive 0", b"halt")
 RELEASED = """addEventListener('pointerup', () => {
