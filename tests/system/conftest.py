@@ -26,6 +26,7 @@ from fleet.wire.topics import Topics
 from fleet_ugv.sim.port import SimPort
 from fleet_ugv.sim.server import Bases
 from fleet_ugv.sim.spec import BaseSpec
+from tests.tools.command_line import command_line, own_folders
 from tests.tools.waiting import DEADLINE, wait_until
 
 HERE = Path(__file__).parent
@@ -64,9 +65,7 @@ class Running:
     """A ``fleet`` process: its lines, and how it ends."""
 
     def __init__(self, *arguments: str, runtime: str, folder: Path | None = None) -> None:
-        # State of its own for each test: a stop that one has set holds the robots of the next.
-        own = {"FLEET_RUNTIME_DIR": runtime, "XDG_STATE_HOME": f"{runtime}/state"}
-        self.environment = os.environ | own | {"PYTHONUNBUFFERED": "1"}
+        self.environment = os.environ | own_folders(runtime) | {"PYTHONUNBUFFERED": "1"}
         self.states: dict[str, dict[str, Any]] = {}
         self.errors: list[str] = []
         self.process = subprocess.Popen(
@@ -118,16 +117,9 @@ class Running:
             lambda: next((found for line in list(self.errors) if (found := re.search(pattern, line))), None),
         )
 
-    def call(self, *arguments: str, within: float = 90.0) -> subprocess.CompletedProcess[str]:
+    def call(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         """Run another ``fleet`` command against it."""
-        return subprocess.run(
-            [sys.executable, "-m", "fleet", *arguments],
-            capture_output=True,
-            text=True,
-            env=self.environment,
-            timeout=within,
-            check=False,
-        )
+        return command_line(self.environment["FLEET_RUNTIME_DIR"], *arguments)
 
     def end(self) -> int:
         """Press Ctrl-C; return the exit code."""
@@ -174,7 +166,8 @@ class Subscriber:
 
     def of(self, leaf: str) -> list[dict[str, Any]]:
         """Return the payloads heard on topics that end so."""
-        return [payload for topic, payload in list(self.received) if topic.endswith("/" + leaf)]
+        heard = list(self.on_topic.items())
+        return [payload for topic, payloads in heard if topic.endswith("/" + leaf) for payload in payloads]
 
     def pilot(self, twin: str) -> "Pilot":
         """Make a pilot for a twin that is heard."""
@@ -387,30 +380,32 @@ def shared_fleet(shared_runtime: str) -> Iterator[Callable[..., Running]]:
         yield start
 
 
-DRONES_ALONE = ("--drones", "2", "--ugvs", "0", "--dogs", "0")
+DRONES_ALONE = ("--ugvs", "0", "--dogs", "0")
 PX4, ARDUPILOT = "px4 on the demo's broker", "ardupilot on a foreign broker"
 """Autopilot and broker know nothing of each other, so two pairs show all that four would."""
+NUMBERS = {PX4: 1, ARDUPILOT: 2}
+"""The demo's first drone of a flavour."""
 
 
 @pytest.fixture(params=[PX4, ARDUPILOT], scope="module")
 def flying(request: Any) -> Iterator[tuple[str, int]]:
-    """Run a demo with drones of both flavours, on its own broker or on a foreign one; gives the broker."""
+    """Run a demo with a drone of this flavour, on its own broker or on a foreign one; gives the broker."""
     broker: tuple[str, ...] = ()
     if request.param == ARDUPILOT:
         broker = ("--broker", f"127.0.0.1:{request.getfixturevalue('shared_foreign_broker').port}")
     with runtime_folder() as runtime, fleets(runtime) as fleet:
-        running = fleet("demo", *DRONES_ALONE, "--json", *broker)
+        drones = NUMBERS[request.param]  # as many as it takes to have one of its flavour
+        running = fleet("demo", "--drones", str(drones), *DRONES_ALONE, "--json", *broker)
         host, port = running.line(r"MQTT broker +(\S+):(\d+)").groups()
-        for name in ("drone-1", "drone-2"):
-            running.robot(name, "is well", lambda state: state["health"] == "ok")
+        for number in range(drones):
+            running.robot(f"drone-{number + 1}", "is well", lambda state: state["health"] == "ok")
         yield host, int(port)
 
 
 @pytest.fixture
 def pilot(request: Any, flying: tuple[str, int], subscriber: Any) -> Pilot:
     """Make a pilot for the drone of the pair's flavour, which is where the test before has left it."""
-    name = {PX4: "drone-1", ARDUPILOT: "drone-2"}[request.node.callspec.params["flying"]]
-    twin = twin_of(name)
+    twin = twin_of(f"drone-{NUMBERS[request.node.callspec.params['flying']]}")
     pilot: Pilot = subscriber(*flying, f"cyberwave/twin/{twin}/#").pilot(twin)
     pilot.wait_for("position", "the drone is there", bool)
     return pilot

@@ -12,10 +12,11 @@ GOOD = {"name": "good", "twin": TWINS[0], "adapter": "mavlink", "link": "sim:px4
 
 
 class Misfortune:
-    """A running edge; one robot is well, another has no autopilot, a third no port."""
+    """A running edge; one robot is well, others have no autopilot, no port, no adapter."""
 
-    def __init__(self, running, folder, *links):
-        self.running, self.file = running, folder / "fleet.yaml"
+    def __init__(self, start, folder, *links):
+        self.start, self.file = start, folder / "fleet.yaml"
+        self.running = start("run", "--json", str(self.file), code=7)
         self.absent, self.taken = links
 
 
@@ -26,20 +27,23 @@ def misfortune(shared_fleet, shared_folder):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", 0))
         absent, taken = (f"udpin:127.0.0.1:{each}" for each in (port, other.getsockname()[1]))
+        (shared_folder / "plugins").mkdir()
+        (shared_folder / "plugins" / "broken.py").write_text("import a_library_that_is_not_there\n")
         robots = [
             GOOD,
+            {"name": "odd", "twin": TWINS[3], "adapter": "broken"},
             {"name": "lost", "twin": TWINS[1], "adapter": "mavlink", "link": absent},
             {"name": "blocked", "twin": TWINS[2], "adapter": "mavlink", "link": taken},
         ]
-        running = run(shared_fleet, shared_folder, edge={"id": "yard"}, robots=robots)
-        running.robot("good", "is well", is_well)
-        yield Misfortune(running, shared_folder, absent, taken)
+        write(shared_folder, plugins=["plugins"], robots=robots)
+        misfortune = Misfortune(shared_fleet, shared_folder, absent, taken)
+        misfortune.running.robot("good", "is well", is_well)
+        yield misfortune
 
 
-def run(fleet, folder, **sections):
-    """Run a fleet with these sections of its file."""
-    (folder / "fleet.yaml").write_text(json.dumps(sections))
-    return fleet("run", "--json", folder=folder)
+def write(folder, **sections):
+    """Write a fleet file of these sections."""
+    (folder / "fleet.yaml").write_text(json.dumps({"edge": {"id": "yard"}, **sections}))
 
 
 def is_well(state):
@@ -48,7 +52,8 @@ def is_well(state):
 
 def test_an_absent_broker_is_reported_and_the_robots_fly_on_the_bus(fleet, tmp_path, free_port):
     cloud = {"host": "127.0.0.1", "port": free_port, "tls": False}
-    running = run(fleet, tmp_path, edge={"id": "yard"}, cloud=cloud, robots=[GOOD])
+    write(tmp_path, cloud=cloud, robots=[GOOD])
+    running = fleet("run", "--json", folder=tmp_path)
     running.robot("good", "is well", is_well)
     assert "127.0.0.1" in running.line(r"WARNING .*cloud disconnected: .*").group()
     edge = json.loads(running.call("ps", "--json").stdout)["edges"][0]
@@ -71,19 +76,14 @@ def test_a_port_that_is_taken_is_a_fault_of_that_robot_alone(misfortune):
     misfortune.running.robot("good", "is well", is_well)
 
 
-def test_a_broken_plugin_is_left_out_with_its_reason(tmp_path, fleet):
-    (tmp_path / "plugins").mkdir()
-    (tmp_path / "plugins" / "broken.py").write_text("import a_library_that_is_not_there\n")
-    robot = {"name": "odd", "twin": TWINS[1], "adapter": "broken"}
-    file = {"edge": {"id": "yard"}, "plugins": ["plugins"], "robots": [GOOD, robot]}
-    (tmp_path / "fleet.yaml").write_text(json.dumps(file))
-    running = fleet("run", "--json", folder=tmp_path, code=7)
-    assert "a_library_that_is_not_there" in running.line(r"left out: .*").group()
-    running.robot("good", "is well", is_well)
+def test_a_broken_plugin_is_left_out_with_its_reason(misfortune):
+    assert "a_library_that_is_not_there" in misfortune.running.line(r"left out: .*").group()
+    misfortune.running.robot("good", "is well", is_well)
 
 
 def test_a_second_edge_of_the_same_name_is_refused_in_one_line(misfortune):
-    second = misfortune.running.call("run", str(misfortune.file))
-    assert second.returncode == 1
-    assert "runs already" in second.stderr
-    assert "Traceback" not in second.stderr
+    second = misfortune.start("run", str(misfortune.file), code=1)
+    second.line("runs already")
+    second.process.wait()
+    assert second.end() == 1
+    assert "Traceback" not in "".join(second.errors)

@@ -103,7 +103,7 @@ def start(yard, mission):
 
 @contextlib.contextmanager
 def client(yard):
-    """Reach the edge from this process, which costs less than a program each time; None while it is away."""
+    """Reach the edge; None while it is away."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("FLEET_RUNTIME_DIR", yard.environment["FLEET_RUNTIME_DIR"])
         try:

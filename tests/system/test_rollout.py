@@ -11,6 +11,7 @@ import uuid
 import pytest
 
 from fleet.rollout.accounts import server_accounts
+from tests.tools.command_line import command_line, own_folders
 from tests.tools.lease_service import lease_service
 from tests.tools.waiting import wait_until
 
@@ -60,8 +61,8 @@ def with_passwords(text, passwords):
 class Site:
     """Where bundles are made, and the folder of one edge."""
 
-    def __init__(self, folder, port, begin):
-        self.source, self.edge, self.begin = folder / "source", folder / "edge", begin
+    def __init__(self, folder, port, runtime):
+        self.source, self.edge, self._runtime = folder / "source", folder / "edge", runtime
         (self.source / "plugins").mkdir(parents=True)
         (self.source / "plugins" / "busy.py").write_text(BUSY)
         self.rests = folder / "rests"
@@ -78,14 +79,20 @@ class Site:
             self.edge / "rollout.yaml", store | self.account("yard") | {"edge": "yard", "look_every": 0.5}
         )
 
-    def call(self, *arguments, within=90.0):
-        """Run a command to its end."""
-        return self.ended(self.begin(*arguments), within)
+    def begin(self, *arguments):
+        """Start a command that goes on for a while."""
+        command = [sys.executable, "-m", "fleet", *arguments]
+        pipe, environment = subprocess.PIPE, os.environ | own_folders(self._runtime)
+        return subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, env=environment)
 
-    def ended(self, process, within=90.0):
-        """Return how a command ended."""
+    def call(self, *arguments):
+        """Run a command to its end."""
+        return command_line(self._runtime, *arguments)
+
+    def ended(self, process):
+        """Return how a command ended that was started."""
         try:
-            out, err = process.communicate(timeout=within)
+            out, err = process.communicate(timeout=90.0)
         finally:
             process.kill()
         return subprocess.CompletedProcess(process.args, process.returncode, out, err)
@@ -120,25 +127,17 @@ class Site:
     def roll_out(self, bundle, *options):
         """Roll a bundle out; return the exit code and what the edge reports at its end."""
         store = str(self.source / "rollout.yaml")
-        ended = self.call(
-            "apply", "--fleet", bundle, "--store", store, "--settle", "5", "--json", *options, within=120
-        )
+        ended = self.call("apply", "--fleet", bundle, "--store", store, "--settle", "5", "--json", *options)
         return ended.returncode, json.loads(ended.stdout)["observed"].get("yard"), ended.stderr
 
 
 @pytest.fixture
 def site(tmp_path, runtime):
-    def begin(*arguments):
-        own = {"FLEET_RUNTIME_DIR": runtime, "XDG_STATE_HOME": f"{runtime}/state"}
-        command = [sys.executable, "-m", "fleet", *arguments]
-        pipe = subprocess.PIPE
-        return subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, env=os.environ | own)
-
     accounts = with_passwords(server_accounts(["yard"], ["operator"]), PASSWORDS)
     store = tmp_path / "store"
     store.mkdir()
     with lease_service(store, accounts) as port:
-        yield Site(tmp_path, port, begin)
+        yield Site(tmp_path, port, runtime)
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ import pytest
 
 from fleet.cli.demo import FIELD
 from fleet.model.geometry import Vector3
+from tests.tools.waiting import wait_until
 
 
 def _knows_all(state):
@@ -29,11 +30,8 @@ def test_two_drones_are_not_sent_to_one_point_neither_as_a_group_nor_one_by_one(
     assert "no frame in common" in own.stderr
     assert "one point for 2 robots" in one_point.stderr
 
-    for _ in range(30):  # they are not ready at once
-        taken = hovering.call("send", "drones", "takeoff", "altitude=4", "--wait")
-        if taken.returncode == 0:
-            break
-    assert taken.returncode == 0, taken.stdout + taken.stderr
+    takeoff = ("send", "drones", "takeoff", "altitude=4", "--wait")
+    wait_until("both, once they are ready", lambda: hovering.call(*takeoff).returncode == 0, within=90)
     first = hovering.call("goto", "drone-1", "15", "16", "4", "--site")
     second = hovering.call("goto", "drone-2", "15", "16", "4", "--site")
     assert first.returncode == 0, first.stdout + first.stderr

@@ -16,7 +16,7 @@ import threading
 import time
 import uuid
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 
 import psutil
@@ -29,6 +29,7 @@ from fleet.errors import BusError
 from fleet.model.command import Reply
 from fleet.model.state import EdgeState, RobotState
 from fleet.runtime.decoding import decode_json
+from tests.tools.command_line import command_line, own_folders
 from tests.tools.lease_service import lease_service
 from tests.tools.ports import free_ports
 from tests.tools.proxy import TcpProxy
@@ -50,7 +51,7 @@ class Heard:
     edge: str
     data: bytes
 
-    @property
+    @cached_property
     def moves(self):
         """Whether one of the lines turns a wheel."""
         lines = [json.loads(line) for line in self.data.splitlines() if line.endswith(b"}")]
@@ -65,9 +66,9 @@ class Computer:
         own, other = buses if name == "a" else reversed(buses)
         self.runtime = Path(tempfile.mkdtemp())
         self.proxy = TcpProxy(lease_port)
-        self._environment = os.environ | {
-            "FLEET_RUNTIME_DIR": str(self.runtime),
-            "XDG_STATE_HOME": str(self.runtime / "state"),
+        self._environment = {
+            **os.environ,
+            **own_folders(str(self.runtime)),
             "ROBOT_PORT": str(port),
             "BUS_PORT": str(own),
             "OTHER_BUS_PORT": str(other),
@@ -85,6 +86,10 @@ class Computer:
             stdout=self.log,
             stderr=self.log,
         )
+
+    def call(self, *arguments):
+        """Run another ``fleet`` command on this computer."""
+        return command_line(str(self.runtime), *arguments)
 
     @property
     def processes(self):
@@ -154,18 +159,17 @@ class Pair:
 
     def __init__(self, computers, record):
         self.computers = {each.name: each for each in computers}
-        self._record = record
+        self._record, self._heard = record.open(), []
         self._drives = threading.Event()
         self._driver = threading.Thread(target=self._drive, daemon=True)
         self._driver.start()
 
     def received(self, since=0.0):
-        """Return what the robot heard."""
-        found = []
-        for line in self._record.read_text().splitlines():
+        """Return what the robot heard; each line of its record is read once."""
+        for line in self._record:
             at, port, data = line.split()
-            found.append(Heard(float(at), "ab"[int(port)], bytes.fromhex(data)))
-        return [each for each in found if each.at >= since]
+            self._heard.append(Heard(float(at), "ab"[int(port)], bytes.fromhex(data)))
+        return [each for each in self._heard if each.at >= since]
 
     def _drive(self):
         """Ask both edges to drive, whoever of them has the robot."""
@@ -183,6 +187,7 @@ class Pair:
     def end(self):
         self._drives.set()
         self._driver.join(10)
+        self._record.close()
         for computer in self.computers.values():
             computer.end()
 
@@ -365,9 +370,7 @@ def handed_over(pair):
     """Hand the robot over; None if the holder lost its lease before it was asked (see ``ready``)."""
     holder, other = ready(pair)
     requested_at = time.monotonic()
-    environment = os.environ | {"FLEET_RUNTIME_DIR": str(holder.runtime)}
-    command = [sys.executable, "-m", "fleet", "failover"]
-    said = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    said = holder.call("failover")
     return None if "is standby" in said.stderr else (holder, other, requested_at, said)
 
 
@@ -393,12 +396,10 @@ def test_no_edge_takes_over_with_another_file_until_a_person_accepts_it(pair):
     wait_until("it is told", lambda: "another file: no takeover" in other.robot.cause)
     holder.end()
     assert other.has_role("standby"), "the lease was given back in order"
-    environment = os.environ | {"FLEET_RUNTIME_DIR": str(other.runtime)}
-    command = [sys.executable, "-m", "fleet", "failover", other.name, "--accept-file"]
-    said = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    said = other.call("failover", other.name, "--accept-file")
     assert said.returncode == 0, said.stderr
     wait_until("it has the robots", lambda: other.has_role("holder"))
-    said = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    said = other.call("failover", other.name, "--accept-file")
     assert said.returncode != 0, "it was asked once more, and hands nothing over"
     assert "waits for no other file" in said.stdout + said.stderr
     assert other.has_role("holder")
@@ -412,7 +413,5 @@ def test_no_edge_takes_over_with_another_file_until_a_person_accepts_it(pair):
 def test_a_name_means_the_robot_of_the_edge_that_has_it(pair):
     holder, other = ready(pair)
     for computer in (holder, other):
-        environment = os.environ | {"FLEET_RUNTIME_DIR": str(computer.runtime)}
-        command = [sys.executable, "-m", "fleet", "describe", "rover"]
-        said = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        said = computer.call("describe", "rover")
         assert said.returncode == 0, said.stderr
