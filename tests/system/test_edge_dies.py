@@ -8,6 +8,7 @@ import uuid
 import psutil
 import pytest
 
+from tests.system.conftest import subscribers
 from tests.tools.command_client import PUPPETS
 from tests.tools.waiting import wait_until
 
@@ -15,9 +16,9 @@ TWINS = {name: str(uuid.uuid4()) for name in ("rex", "max", "ada")}
 PASSWORD = "not-in-any-argv"
 
 
-@pytest.fixture
-def edge(fleet, subscriber, mosquitto, tmp_path):
-    """Run three puppets on a real broker; returns the process, who listens, and the twins' telemetry."""
+@pytest.fixture(scope="module")
+def edge(shared_fleet, shared_foreign_broker, tmp_path_factory):
+    """Run three puppets on a real broker; gives the process, and who listens."""
     robots = [
         {"name": name, "twin": twin, "adapter": "puppet", "worker": "main", "rate": 0}
         for name, twin in TWINS.items()
@@ -27,19 +28,22 @@ def edge(fleet, subscriber, mosquitto, tmp_path):
         "plugins": [str(PUPPETS)],
         "cloud": {
             "host": "127.0.0.1",
-            "port": mosquitto.port,
+            "port": shared_foreign_broker.port,
             "tls": False,
             "username": "edge",
             "password": PASSWORD,
         },
         "robots": robots,
     }
-    file = tmp_path / "fleet.yaml"
+    file = tmp_path_factory.mktemp("yard") / "fleet.yaml"
     file.write_text(json.dumps(config))
-    listener = subscriber("127.0.0.1", mosquitto.port, "#")
-    running = fleet("run", "--json", str(file))
-    wait_until("every robot is connected", lambda: all("connected" in telemetry(listener, t) for t in TWINS))
-    return running, listener
+    with subscribers() as subscriber:
+        listener = subscriber("127.0.0.1", shared_foreign_broker.port, "#")
+        running = shared_fleet("run", "--json", str(file))
+        wait_until(
+            "every robot is connected", lambda: all("connected" in telemetry(listener, t) for t in TWINS)
+        )
+        yield running, listener
 
 
 def telemetry(listener, robot):

@@ -17,10 +17,12 @@ VELOCITIES = Rules(max_age=0.5 + SLACK, gate=What.EXECUTED, once=False, replies=
 
 
 class Storm:
-    """Puppets at one end of a proxy, and somebody who asks at the broker."""
+    """Puppets at one end of a proxy, and somebody who asks at the broker; what counts is from now on."""
 
     def __init__(self, running, proxy, client, journal):
         self.running, self.proxy, self.client, self.journal = running, proxy, client, journal
+        self._before = len(client.requests)
+        self.accepted_before = proxy.accepted
 
     def answered(self, *, every=1.0):
         """Ask again until everything is answered."""
@@ -35,33 +37,50 @@ class Storm:
 
         wait_until("all answers", done)
 
+    def requests(self):
+        """Return by number what this test has asked."""
+        return {number: each for number, each in self.client.requests.items() if number > self._before}
+
+    def events(self):
+        """Return what became of it: here, and at the puppets."""
+        here = [event for event in self.client.events() if int(event.request) > self._before]
+        return [*here, *self.executed()]
+
     def executed(self):
-        return executed(self.journal, self.client.requests)
+        return executed(self.journal, self.requests())
 
 
-@pytest.fixture
-def storm(request, fleet, tmp_path):
-    """Run four puppets behind a proxy, in one process; the demo broker where nothing else is said."""
-    port = request.getfixturevalue(getattr(request, "param", "broker")).port
-    journal = tmp_path / "journal"
+@pytest.fixture(scope="module")
+def puppets(request, shared_fleet, tmp_path_factory):
+    """Run four puppets behind a proxy, in one process, for all tests of a broker."""
+    port = request.getfixturevalue(request.param).port
+    folder = tmp_path_factory.mktemp("puppets")
+    journal = folder / "journal"
     common = {"adapter": "puppet", "worker": "main", "rate": 5, "joints": 2, "journal": str(journal)}
     robots = [{"name": name, "twin": twin, **common} for name, twin in TWINS.items()]
     with TcpProxy(port) as proxy:
         cloud = {"host": "127.0.0.1", "port": proxy.port, "tls": False, "keepalive": 2}
-        file = {"edge": {"id": "yard"}, "cloud": cloud, "plugins": [str(PUPPETS)], "robots": robots}
-        (tmp_path / "fleet.yaml").write_text(json.dumps(file))
-        running = fleet("run", "--json", folder=tmp_path)
+        edge = {"id": f"yard-{request.param}"}
+        file = {"edge": edge, "cloud": cloud, "plugins": [str(PUPPETS)], "robots": robots}
+        (folder / "fleet.yaml").write_text(json.dumps(file))
+        running = shared_fleet("run", "--json", folder=folder)
         for name in TWINS:
             running.robot(name, "is well", lambda state: state["health"] == "ok")
         client = CommandClient(port, TWINS)
-        storm = Storm(running, proxy, client, journal)
-        client.request("puppet-0")
-        storm.answered()
-        yield storm
+        yield running, proxy, client, journal
         client.close()
 
 
-@pytest.mark.parametrize("storm", ["broker", "mosquitto"], indirect=True)
+@pytest.fixture
+def storm(puppets):
+    """Wait until the puppets answer."""
+    storm = Storm(*puppets)
+    storm.client.request("puppet-0")
+    storm.answered()
+    return storm
+
+
+@pytest.mark.parametrize("puppets", ["shared_broker", "shared_foreign_broker"], indirect=True)
 def test_in_a_storm_of_resets_every_command_is_done_once_and_answered(storm):
     for turn in range(8):
         for number, name in enumerate(TWINS):
@@ -69,11 +88,12 @@ def test_in_a_storm_of_resets_every_command_is_done_once_and_answered(storm):
             if number == turn % 4:
                 storm.proxy.reset()
         storm.answered(every=0.2)
-    assert counted(storm.executed()) == {str(number): 1 for number in storm.client.requests}
-    assert broken([*storm.client.events(), *storm.executed()], COMMANDS) == []
-    assert storm.proxy.accepted > 4
+    assert counted(storm.executed()) == {str(number): 1 for number in storm.requests()}
+    assert broken(storm.events(), COMMANDS) == []
+    assert storm.proxy.accepted - storm.accepted_before > 4
 
 
+@pytest.mark.parametrize("puppets", ["shared_broker"], indirect=True)
 def test_no_velocity_is_obeyed_that_was_long_under_way_and_fresh_ones_are(storm):
     storm.client.request("puppet-1")  # from now on it knows the sender's clock
     storm.answered()
@@ -94,6 +114,7 @@ def test_no_velocity_is_obeyed_that_was_long_under_way_and_fresh_ones_are(storm)
     assert [line for line in broken(moved, VELOCITIES) if "stale" in line] == []
 
 
+@pytest.mark.parametrize("puppets", ["shared_broker"], indirect=True)
 def test_a_silent_network_is_noticed_and_what_it_swallowed_is_done_once_when_asked_again(storm):
     storm.proxy.blackhole = True
     lost = [storm.client.request(name) for name in TWINS]
