@@ -37,8 +37,9 @@ class Busy(Adapter[BusyConfig]):
         pass
 
     @command("work", timeout=120.0)
-    async def work(self) -> None:
-        # Work until a file is there.
+    async def work(self):
+        # Be taken, and work until a file is there.
+        yield None
         while not Path(self.config.until).exists():
             await asyncio.sleep(0.05)
 
@@ -171,7 +172,7 @@ def test_a_bundle_reaches_a_running_edge_and_an_older_one_never_does(site, runni
 def test_a_robot_in_motion_is_not_rebuilt_and_who_detaches_comes_back(site, running):
     edge, _ = running
     store = str(site.source / "rollout.yaml")
-    working = site.begin("send", "rex", "work", "--json")
+    working = site.begin("send", "rex", "work", "--json", "--wait")
     edge.robot("rex", "works", lambda state: "work" in state.get("activity", ""))
     rolling = site.begin("apply", "--fleet", site.bundle(2, colour="green"), "--store", store)
     try:
