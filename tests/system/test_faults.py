@@ -116,9 +116,13 @@ def test_no_velocity_is_obeyed_that_was_long_under_way_and_fresh_ones_are(storm)
 
 @pytest.mark.parametrize("puppets", ["shared_broker"], indirect=True)
 def test_a_silent_network_is_noticed_and_what_it_swallowed_is_done_once_when_asked_again(storm):
+    def losses():
+        return sum("cloud disconnected" in line for line in list(storm.running.errors))
+
+    before = losses()
     storm.proxy.blackhole = True
     lost = [storm.client.request(name) for name in TWINS]
-    storm.running.line("cloud disconnected")
+    wait_until("the edge misses its broker", lambda: losses() > before)
     storm.proxy.blackhole = False
     storm.answered(every=0.2)
     fresh = [storm.client.request(name) for name in TWINS]

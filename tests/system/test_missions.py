@@ -177,7 +177,8 @@ def test_a_robot_in_a_run_obeys_nobody_else_until_it_is_taken(yard):
     refused = yard.call("goto", "beast", "1", "1")
     assert refused.returncode == 5
     assert f"it is in run {run}; fleet take takes it out of the run" in refused.stdout
-    assert yard.call("take", "beast").returncode == 0
+    taken = yard.call("take", "beast")
+    assert taken.returncode == 0, taken.stdout + taken.stderr
     state = ended(yard, run)
     assert state["outcome"] == "undone"  # its role is not filled any more: the drone lands
     robots = {each["robot"]: each for each in state["robots"]}

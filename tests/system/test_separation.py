@@ -37,9 +37,10 @@ def test_two_drones_are_not_sent_to_one_point_neither_as_a_group_nor_one_by_one(
     assert first.returncode == 0, first.stdout + first.stderr
     assert second.returncode == 5
     assert "m from drone-1's way, 3.2 m are kept" in second.stdout
-    spread = hovering.call("goto", "drones", "15", "16", "4", "--site", "--spacing", "6", "--wait")
+    # So far apart that drone-1 may be at the point itself by now.
+    spread = hovering.call("goto", "drones", "15", "16", "4", "--site", "--spacing", "8", "--wait")
     assert spread.returncode == 0, spread.stdout + spread.stderr
     robots = {state["name"]: state for state in json.loads(hovering.call("ps", "--json").stdout)["robots"]}
     assert robots["ugv-1"]["site"] == {"x": 0.0, "y": -2.0, "z": 0.0}
     where = [Vector3(**robots[name]["site"]) for name in ("drone-1", "drone-2")]
-    assert 5.0 < (where[0] - where[1]).norm() < 7.0
+    assert 7.0 < (where[0] - where[1]).norm() < 9.0
