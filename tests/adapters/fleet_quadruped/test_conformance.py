@@ -14,7 +14,8 @@ from fleet_quadruped.drives.base import Power
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.rig import Rig
-from tests.adapters.fleet_quadruped.copies import copy_of, standing_dog, stood_up
+from tests.adapters.fleet_quadruped.copies import copy_of, quick, standing_dog, stood_up
+from tests.adapters.fleet_quadruped.kinds import on_one_kind
 
 HEARD = {"cia402": 0.005, "mit": 0.015, "odrive": 0.025, "moteus": 0.015}
 """Seconds until a fault is heard of: most speak when they are spoken to, an ODrive each third cycle."""
@@ -127,6 +128,7 @@ def test_an_emergency_stop_that_comes_with_a_command_to_stand_up_wins(rig):
     assert (rig.mode, rig.fault) == (BodyMode.OFF, "emergency stop")
 
 
+@pytest.mark.combinations
 @pytest.mark.parametrize("given", [BodyRequest.STAND, BodyRequest.SIT, BodyRequest.RECOVER])
 def test_an_emergency_stop_works_while_it_rises_and_sits(rig, given):
     if given is BodyRequest.SIT:
@@ -152,6 +154,7 @@ def test_a_failed_drive_damps_all_and_stays_latched_until_a_reset(standing):
     standing.stand()
 
 
+@on_one_kind
 def test_an_empty_battery_makes_it_sit_down(standing):
     standing.sim.fault("battery", 8.0)
     standing.go(6.0, until=BodyMode.OFF)
@@ -159,6 +162,7 @@ def test_an_empty_battery_makes_it_sit_down(standing):
     assert standing.fault == "battery: 8 %, it sits down at 10 %"
 
 
+@on_one_kind
 def test_without_fresh_orders_it_stands_and_then_sits(any_dog):
     safety = any_dog.safety.model_copy(update={"abandoned": 3.0})
     rig = standing_dog(any_dog.model_copy(update={"safety": safety}))
@@ -245,7 +249,7 @@ requests = st.one_of(
 @given(st.lists(requests, max_size=6), st.booleans())
 @settings(max_examples=6, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 def test_no_sequence_of_commands_takes_a_target_beyond_the_limits(dogs, protocol, sequence, stands):
-    rig = copy_of(stood_up if stands else Rig, dogs[protocol])
+    rig = copy_of(stood_up if stands else Rig, quick(dogs[protocol]))
     written = Written(rig)
     rig.go(0.05)
     with contextlib.suppress(LinkLost):

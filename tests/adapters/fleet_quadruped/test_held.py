@@ -110,6 +110,7 @@ def test_a_controller_that_is_started_again_at_once_finds_drives_that_are_still_
     assert upright.drop < GENTLE
 
 
+@pytest.mark.combinations
 @pytest.mark.parametrize("make", [trotting, trotting_with_simple_drives], ids=["with 1029h", "without 1029h"])
 @pytest.mark.parametrize("seconds", [0.3, 0.8, 5.0])
 def test_a_cable_that_is_cut_and_mended_does_not_drop_it(dog, seconds, make):

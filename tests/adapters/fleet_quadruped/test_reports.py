@@ -12,6 +12,7 @@ from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
 from tests.adapters.fleet_quadruped.copies import copy_of, up
+from tests.adapters.fleet_quadruped.kinds import on_one_kind
 
 RL_HIP = JOINTS.index("RL_hip") + 1
 EPOCH = 1_795_000_000.0  # Unix seconds at the simulated dog's zero
@@ -46,6 +47,7 @@ def walking(any_dog):
     return copy_of(reported, any_dog)
 
 
+@on_one_kind
 def test_nothing_is_reported_while_the_bus_is_cut(walking):
     walking.sim.fault("silent")
     walking.go(0.05, Twist(0.4))
@@ -79,6 +81,7 @@ def test_a_drive_that_is_silent_is_not_in_what_is_reported(walking):
     assert walking.reports[PoseReport] == []
 
 
+@on_one_kind
 def test_a_silent_imu_is_not_reported_again(walking):
     walking.sim.fault("imu")
     walking.go(0.03, Twist(0.4))

@@ -8,7 +8,8 @@ from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.robot.description import leg_angles
 from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.rig import Rig
-from tests.adapters.fleet_quadruped.copies import standing_dog
+from tests.adapters.fleet_quadruped.copies import copy_of, stood_up
+from tests.adapters.fleet_quadruped.kinds import on_one_kind
 
 
 def heights(rig):
@@ -31,8 +32,10 @@ def rise_and_leave(rig, after):
     return seen
 
 
+@on_one_kind
 @pytest.mark.parametrize("after", [0.4, 1.2, 2.1])
-def test_a_dog_that_is_asked_to_leave_while_it_rises_only_goes_down(rig, after):
+def test_a_dog_that_is_asked_to_leave_while_it_rises_only_goes_down(any_dog, after):
+    rig = copy_of(Rig, any_dog)
     rig.go(0.1)
     seen = rise_and_leave(rig, after)
     assert max(map(max, seen)) <= max(seen[0]) + 0.005
@@ -53,8 +56,9 @@ def test_a_dog_in_its_walk_is_given_the_time_of_the_walk_until_it_sits_down(mit_
     assert rig.mode is BodyMode.OFF
 
 
+@on_one_kind
 def test_a_walk_that_an_emergency_stop_cut_off_is_not_taken_up_by_sitting_down(any_dog):
-    rig = standing_dog(any_dog)
+    rig = copy_of(stood_up, any_dog)
     rig.go(1.05, Twist(0.4))
     rig.emergency()
     rig.go(0.1, until=BodyMode.DAMPED)

@@ -10,6 +10,7 @@ from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.safety.stages import BodyMode
 from tests.adapters.fleet_quadruped.copies import copy_of, standing_dog, standing_in_physics
+from tests.adapters.fleet_quadruped.kinds import on_one_kind
 
 TILTED = 0.35  # rad: less than half of the tilt at which it would let go (0.785)
 
@@ -101,6 +102,7 @@ def test_in_physics_it_does_not_fall_wherever_its_joints_are_led(any_dog, patter
     assert rig.sim.world.imu().tilt < 0.05
 
 
+@on_one_kind
 def test_joints_that_nobody_leads_any_more_hold_where_they_are(standing):
     at = posture(standing)[2]
     lead(standing, 0.3, [None, None, at + 0.2])
@@ -112,6 +114,7 @@ def test_joints_that_nobody_leads_any_more_hold_where_they_are(standing):
     assert standing.mode is BodyMode.POSING
 
 
+@on_one_kind
 def test_any_stop_holds_the_posture_and_ends_the_mode_though_targets_come(standing):
     at = posture(standing)[2]
     lead(standing, 0.3, [None, None, at + 0.2])
@@ -125,6 +128,7 @@ def test_any_stop_holds_the_posture_and_ends_the_mode_though_targets_come(standi
     assert standing.controller.targets[2] == pytest.approx(at, abs=0.01)
 
 
+@on_one_kind
 def test_a_stop_on_the_way_back_to_standing_stops_that_too(standing):
     at = posture(standing)[2]
     lead(standing, 1.0, [None, None, at + 0.2])
@@ -150,6 +154,7 @@ def test_it_sits_down_from_the_posture_that_it_has(standing, stopped):
     assert standing.fault == ""
 
 
+@on_one_kind
 def test_an_emergency_stop_lets_it_down(standing):
     lead(standing, 1.0, [at + 0.15 for at in posture(standing)])
     standing.emergency()
@@ -160,6 +165,7 @@ def test_an_emergency_stop_lets_it_down(standing):
     assert standing.request(BodyRequest.POSE) != ""
 
 
+@on_one_kind
 def test_without_its_host_it_holds_and_then_sits_down(any_dog):
     safety = any_dog.safety.model_copy(update={"abandoned": 3.0})
     standing = copy_of(led, any_dog.model_copy(update={"safety": safety}))
@@ -173,6 +179,7 @@ def test_without_its_host_it_holds_and_then_sits_down(any_dog):
     assert standing.mode is BodyMode.OFF
 
 
+@on_one_kind
 def test_a_dog_that_lies_is_held_as_it_is_found_and_led_from_there(rig):
     rig.settle()
     assert rig.request(BodyRequest.POSE) == ""
@@ -207,6 +214,7 @@ def test_a_stop_before_its_drives_are_enabled_leaves_a_lying_dog_off(rig, reques
     assert rig.mode is BodyMode.OFF
 
 
+@on_one_kind
 def test_a_dog_that_walks_is_not_led(any_dog):
     rig = standing_dog(any_dog)
     rig.go(0.5, Twist(0.3))

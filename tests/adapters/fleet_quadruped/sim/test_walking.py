@@ -11,6 +11,7 @@ from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
 from tests.adapters.fleet_quadruped.copies import standing_in_physics
+from tests.adapters.fleet_quadruped.kinds import on_stiff_and_soft
 from tests.tools.wander import wander
 
 
@@ -28,6 +29,7 @@ def speed(rig, twist, seconds=2.0):
     return math.dist(start[:2], end[:2]) / seconds, math.remainder(turned - heading, math.tau) / seconds
 
 
+@on_stiff_and_soft
 def test_it_walks_forward_sideways_and_turns_at_the_speed_it_is_given(walker):
     walker.go(1.5, Twist(0.6))
     before, start = walker.state(), walker.sim.world.place()
@@ -43,6 +45,7 @@ def test_it_walks_forward_sideways_and_turns_at_the_speed_it_is_given(walker):
     assert walker.fault == ""
 
 
+@on_stiff_and_soft
 def test_the_gait_walk_is_slow_and_keeps_three_feet_on_the_ground(walker):
     walker.order = msgspec.structs.replace(walker.order, gait="walk")
     fewest = []
