@@ -29,7 +29,6 @@ def speed(rig, twist, seconds=2.0):
     return math.dist(start[:2], end[:2]) / seconds, math.remainder(turned - heading, math.tau) / seconds
 
 
-@on_stiff_and_soft
 def test_it_walks_forward_sideways_and_turns_at_the_speed_it_is_given(walker):
     walker.go(1.5, Twist(0.6))
     before, start = walker.state(), walker.sim.world.place()
