@@ -105,7 +105,7 @@ def test_a_system_with_other_packages_is_reported(programs, tmp_path, missing):
     assert programs.fetch(lambda _: None).startswith("this system has no apt-get: install them")
 
 
-@pytest.mark.parametrize(("ci", "code", "workers"), [("true", 1, "2"), ("", 0, "0")])
+@pytest.mark.parametrize(("ci", "code", "workers"), [("true", 1, "1"), ("", 0, "0")])
 def test_the_last_line_says_what_did_not_run_and_why_and_in_ci_that_is_an_error(
     root, tmp_path, ci, code, workers
 ):
