@@ -84,14 +84,14 @@ async def test_a_robot_that_cannot_be_built_leaves_nothing_behind(yard_of_two, m
             raise RuntimeError("no such arm")
         return made(process, spec, journal)
 
-    monkeypatch.setattr(RobotProcess, "_make", fails)
     field.add("ada")
     field.add("eva")
-    done = await field.apply()
+    with monkeypatch.context() as patch:
+        patch.setattr(RobotProcess, "_make", fails)
+        done = await field.apply()
     assert (done["ada"].outcome, "no such arm" in done["ada"].why) == (Outcome.FAILED, True)
     assert done["eva"].outcome is Outcome.DONE
     assert sorted(field.names()) == ["eva", "max", "rex"]
-    monkeypatch.undo()
     assert (await field.apply())["ada"].outcome is Outcome.DONE
 
 
@@ -101,13 +101,13 @@ async def test_a_robot_that_fails_half_way_is_taken_back_everywhere(yard_of_two,
     def fails(_process, _robot):
         raise RuntimeError("no room on the bus")
 
-    monkeypatch.setattr(RobotProcess, "serve", fails)
     field.add("ada")
-    done = (await field.apply())["ada"]
+    with monkeypatch.context() as patch:
+        patch.setattr(RobotProcess, "serve", fails)
+        done = (await field.apply())["ada"]
     assert (done.outcome, "no room on the bus" in done.why) == (Outcome.FAILED, True)
     assert sorted(field.names()) == ["max", "rex"]
     assert "ada" not in field.edge.missions.runs.robots
-    monkeypatch.undo()
     assert (await field.apply())["ada"].outcome is Outcome.DONE
     await field.until(lambda: field.state("ada").health == "ok")
 
@@ -143,13 +143,13 @@ async def test_a_part_that_does_not_let_go_of_a_robot_keeps_no_other_from_it(
     def fails(*_):
         raise RuntimeError("no room")
 
-    monkeypatch.setattr(attrgetter(name)(field.edge), method, fails)
     field.remove("rex")
-    assert (await field.apply())["rex"].outcome is Outcome.DONE
+    with monkeypatch.context() as patch:
+        patch.setattr(attrgetter(name)(field.edge), method, fails)
+        assert (await field.apply())["rex"].outcome is Outcome.DONE
     assert "a part of rex is left behind" in caplog.text
     assert field.names() == ["max"]
     assert "rex" not in field.edge._stop_inputs._here
-    monkeypatch.undo()
     field.put(before)
     assert (await field.apply())["rex"].outcome is Outcome.DONE
     await field.until(lambda: field.state("rex").health == "ok")
@@ -365,10 +365,10 @@ async def test_a_stop_while_a_robot_is_taken_out_is_set_when_it_is_back(yard_of_
         process.stop_robots((), local_cause("", "test"))
         return trouble
 
-    monkeypatch.setattr(membership, "ended", stopped_meanwhile)
     field.remove("rex")
-    assert (await field.apply())["rex"].outcome is Outcome.DONE
-    monkeypatch.undo()
+    with monkeypatch.context() as patch:
+        patch.setattr(membership, "ended", stopped_meanwhile)
+        assert (await field.apply())["rex"].outcome is Outcome.DONE
     assert field.state("max").emergency_stop
     field.put(before)
     assert (await field.apply())["rex"].outcome is Outcome.DONE
