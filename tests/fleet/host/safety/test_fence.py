@@ -106,7 +106,7 @@ def test_who_is_in_an_exclusion_may_not_leave_through_the_depth_of_it():
     assert FENCE.admitted(at, Vector3(-1, 1, 0), HOME) == Vector3(-1, 1, 0)
 
 
-@settings(max_examples=500)
+@settings(max_examples=150)
 @given(x=places, y=places, vx=speeds, vy=speeds)
 def test_what_is_admitted_never_leads_farther_out(x, y, vx, vy):
     point = Vector3(x, y, 5.0)
@@ -143,7 +143,7 @@ def forbidden(fence, point):
     return {*ponds, *(() if inside else ("yard",)), *(("far",) if math.hypot(*flat) > fence.distance else ())}
 
 
-@settings(max_examples=500)
+@settings(max_examples=150)
 @given(start=st.tuples(places, places, st.floats(0, 50)), velocity=st.tuples(speeds, speeds, speeds))
 def test_a_velocity_held_from_anywhere_never_leads_farther_out(start, velocity):
     """Tried with a robot that obeys at once and is judged ten times a second."""
@@ -157,7 +157,7 @@ def test_a_velocity_held_from_anywhere_never_leads_farther_out(start, velocity):
         point = ahead
 
 
-@settings(max_examples=500)
+@settings(max_examples=150)
 @given(
     start=st.tuples(places, places, st.floats(0, 50)), goals=st.lists(st.tuples(places, places), max_size=3)
 )
