@@ -56,6 +56,8 @@ class Cart(fleet.FrameAdapter[CartConfig]):
         return ()
 '''
 MOVE = b'{"command": "move_forward", "data": {"linear_x": 1.0}}'
+ZERO = b'{"command": "move_forward", "data": {"linear_x": 0.0}}'
+RELEASE = b'{"command": "release_emergency_stop"}'
 KINDS = ("tcp", "udp")
 
 
@@ -204,7 +206,10 @@ def gone(process):
 @pytest.mark.combinations
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("worker", ["main", "arm"])
-def test_a_robot_without_a_watchdog_is_halted_when_its_process_is_killed(run, worker, kind):
+def test_a_robot_without_a_watchdog_is_halted_when_its_process_is_killed_and_stopped_in_the_next(
+    run, worker, kind
+):
+    """The stop needs no bus, also to a worker."""
     it = run(worker, kind)
     it.ready()
     first = it.cart.process
@@ -222,13 +227,21 @@ def test_a_robot_without_a_watchdog_is_halted_when_its_process_is_killed(run, wo
     it.ready(after=first)
     assert not it.cart.moves
     it.drive()
+    (answer,) = stop_all(it.place.runtime)
+    assert (answer.names, answer.kept) == (("rex",), False)
+    wait_until("it is told", lambda: not it.cart.moves)
+    assert b"emergency stop is set" in it.request(MOVE)[0]
 
 
-def test_a_stop_that_comes_while_the_edge_is_away_is_set_when_it_is_back(run):
+def test_an_edge_that_is_frozen_is_killed_its_robots_halted_and_a_stop_meanwhile_set_in_the_next(run):
     it = run("main")
     it.ready()
     first = it.edge
-    first.kill()
+    assert first.pid == it.cart.process
+    it.drive()
+    first.suspend()
+    it.line("the edge is frozen: killed; halted: rex")
+    wait_until("the halt", lambda: "halt" in it.cart.words)
     wait_until("it is dead", lambda: gone(first))
     (answer,) = stop_all(it.place.runtime)
     it.ready(after=first.pid)
@@ -237,7 +250,7 @@ def test_a_stop_that_comes_while_the_edge_is_away_is_set_when_it_is_back(run):
     assert answer.kept or answer.names == ("rex",), "in between the edge may be back already"
 
 
-def test_a_stop_is_answered_by_the_edge_while_it_is_there(run):
+def test_a_stop_is_answered_by_the_edge_while_it_is_there_also_when_its_runtime_folder_was_removed(run):
     it = run("main")
     it.ready()
     it.drive()
@@ -245,28 +258,16 @@ def test_a_stop_is_answered_by_the_edge_while_it_is_there(run):
     assert (answer.names, answer.edge, answer.kept) == (("rex",), it.place.id, False)
     wait_until("it is told", lambda: not it.cart.moves)
     assert f"asked by {users()[os.getuid()]} (proven, on this computer)".encode() in it.request(MOVE)[0]
-
-
-def test_a_stop_reaches_the_robots_of_workers_without_the_bus(run):
-    it = run("arm")
-    it.ready()
+    assert b'"done"' in b"".join(it.request(RELEASE))
+    it.request(ZERO)  # who drove lets go, then drives again
     it.drive()
-    (answer,) = stop_all(it.place.runtime)
-    assert (answer.names, answer.kept) == (("rex",), False)
-    wait_until("it is told", lambda: not it.cart.moves)
-    assert b"emergency stop is set" in it.request(MOVE)[0]
-
-
-def test_fleet_stop_reaches_an_edge_whose_runtime_folder_was_removed(run):
-    it = run("main")
-    it.ready()
-    it.drive()
+    before = len(it.cart.words)
     shutil.rmtree(it.place.runtime)
     it.line("was removed, as at a logout; fleet stop reaches the supervisor")
     line = [sys.executable, "-m", "fleet", "stop", "--all"]
     said = subprocess.run(line, capture_output=True, text=True, check=False, timeout=60)
     assert f"the stop is set; not seen to stand yet: rex\nreached: edge {it.place.id}\n" in said.stderr
-    assert "halt" in it.cart.words
+    assert "halt" in it.cart.words[before:]
 
 
 def test_a_stop_of_an_edge_that_is_frozen_is_written_by_its_supervisor_and_kept(run):
@@ -280,17 +281,6 @@ def test_a_stop_of_an_edge_that_is_frozen_is_written_by_its_supervisor_and_kept(
     line = [sys.executable, "-m", "fleet", "stop", "--all"]
     said = subprocess.run(line, capture_output=True, text=True, check=False, timeout=60)
     assert f"edge {it.place.id} is away: its stop is set when it is back; halted now: rex" in said.stdout
-
-
-def test_an_edge_that_is_frozen_is_killed_with_its_robots_halted(run):
-    it = run("main")
-    it.ready()
-    first = it.cart.process
-    it.drive()
-    psutil.Process(first).suspend()
-    it.line("the edge is frozen: killed; halted: rex")
-    wait_until("the halt", lambda: "halt" in it.cart.words)
-    it.ready(after=first)
 
 
 def test_an_edge_whose_supervisor_was_killed_ends_in_order(run):
