@@ -90,7 +90,9 @@ def test_each_worker_is_started_once():
     assert names_of(["legs", "", "arm", "legs"]) == ["arm", "legs"]
 
 
-async def test_a_robot_in_a_worker_is_commanded_through_the_edge_and_on_its_own_key(field, requests):
+async def test_a_robot_in_a_worker_is_commanded_through_the_edge_and_on_its_own_key_and_stopped_by_all(
+    field, requests
+):
     assert field.worker != os.getpid()
     assert field.place.processes("rex") == [os.getpid()]
     await is_left_to_the_edge_that_the_cloud_shows(field, requests)
@@ -103,6 +105,7 @@ async def test_a_robot_in_a_worker_is_commanded_through_the_edge_and_on_its_own_
     assert replies[0].ok
     await requests.until(lambda: field.place.words("arm")[-1] == "drive:0")
     assert field.place.words("arm")[2:] == ["drive:1", "drive:1", "halt", "drive:0"]
+    await a_stop_of_any_origin_reaches_it_with_its_words(field, requests)
 
 
 async def is_left_to_the_edge_that_the_cloud_shows(field, requests):
@@ -116,7 +119,8 @@ async def is_left_to_the_edge_that_the_cloud_shows(field, requests):
     await requests.until(lambda: state_of(field.edge, "arm").health == "ok")
 
 
-async def test_a_stop_of_any_origin_reaches_a_robot_in_a_worker_with_its_words(field, requests):
+async def a_stop_of_any_origin_reaches_it_with_its_words(field, requests):
+    """Stop it by the supervisor, by a stop input and on the bus."""
     stop = StopRequest(names=("arm",), by="anna", why="smoke", request="r1")
     await stops_arm(field, requests, lambda: field.supervised.stop(stop))
     asked = "asked by anna (claimed, on this computer): smoke"
