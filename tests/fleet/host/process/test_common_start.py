@@ -91,17 +91,47 @@ def begun(place):
     }
 
 
-async def test_all_begin_at_the_instant_in_whatever_process_they_are(serve, requests):
+async def test_all_begin_at_the_instant_in_whatever_process_they_are_or_nobody_when_who_asks_vanishes(
+    serve, requests
+):
     async with serve(rex=HERE, max=HERE, arm=THERE) as (place, _, asker):
-        await asyncio.to_thread(asker.prepared, "rex", "max", "arm")
-        stamp, problems = await asyncio.to_thread(asker.tell, 1.0)
+        await every_process_tells_its_time(asker)
+        await nobody_begins_when_who_asks_vanishes(place, asker)
+        another = await asyncio.to_thread(StartRequester, place, asker.bus_session)
+        await asyncio.to_thread(another.prepared, "rex", "max", "arm")
+        stamp, problems = await asyncio.to_thread(another.tell, 1.0)
         assert problems == {"rex": "", "max": "", "arm": ""}
         await requests.until(lambda: len(begun(place)) == 3)
         instant = time.monotonic() - (time.time() - stamp)
         assert all(-0.01 <= at - instant < LOADED for at in begun(place).values())
-        assert [(await asyncio.to_thread(asker.ends, name))[0].ok for name in ("rex", "max", "arm")] == [
+        assert [(await asyncio.to_thread(another.ends, name))[0].ok for name in ("rex", "max", "arm")] == [
             True
         ] * 3
+
+
+async def every_process_tells_its_time(asker):
+    """Ask all processes for their time."""
+    requested = msgspec.json.encode(StartSignal())
+    answers = await asyncio.to_thread(
+        lambda: list(asker.bus_session.request(keys.starts(asker.place.id), requested, timeout=60))
+    )
+    found = {
+        each.process: each.time for each in (msgspec.json.decode(a, type=StartAnswer) for _, a in answers)
+    }
+    assert found.keys() == {"main", "arm"}
+    assert all(abs(stamp - time.time()) < 5.0 for stamp in found.values())
+
+
+async def nobody_begins_when_who_asks_vanishes(place, asker):
+    """Vanish after the instant was sent."""
+    await asyncio.to_thread(asker.prepared, "rex", "arm")
+    _, problems = await asyncio.to_thread(asker.tell, 1.0)
+    assert problems == {"rex": "", "arm": ""}
+    await asyncio.to_thread(asker.vanish)
+    ends = [(await asyncio.to_thread(asker.ends, name))[0] for name in ("rex", "arm")]
+    assert not any(end.ok for end in ends)
+    await asyncio.sleep(1.2)
+    assert begun(place) == {}
 
 
 async def test_one_that_cannot_begin_keeps_the_others_from_it(serve):
@@ -116,18 +146,6 @@ async def test_one_that_cannot_begin_keeps_the_others_from_it(serve):
             ReplyStatus.REJECTED,
             "not started: its sender cancelled it, or is gone",
         )
-        assert begun(place) == {}
-
-
-async def test_nobody_begins_when_who_asks_vanishes_after_the_instant_was_sent(serve):
-    async with serve(rex=HERE, arm=THERE) as (place, _, asker):
-        await asyncio.to_thread(asker.prepared, "rex", "arm")
-        _, problems = await asyncio.to_thread(asker.tell, 1.0)
-        assert problems == {"rex": "", "arm": ""}
-        await asyncio.to_thread(asker.vanish)
-        ends = [(await asyncio.to_thread(asker.ends, name))[0] for name in ("rex", "arm")]
-        assert not any(end.ok for end in ends)
-        await asyncio.sleep(1.2)
         assert begun(place) == {}
 
 
@@ -151,8 +169,13 @@ def _emergency(place, bus_session, robot):
 
 def _emergency_and_release(place, bus_session, robot):
     _emergency(place, bus_session, robot)
-    release = {"command": "release_emergency_stop", "data": {}, "timestamp": time.time()}
-    list(bus_session.request(keys.command(place.id, robot), json.dumps(release).encode(), timeout=60))
+    _release(place, bus_session, robot)
+
+
+def _release(place, bus_session, robot):
+    release = json.dumps({"command": "release_emergency_stop"}).encode()
+    (*_, reply) = bus_session.request(keys.command(place.id, robot), release, timeout=60)
+    assert msgspec.json.decode(reply[1], type=Reply).ok, reply
 
 
 def _drive(place, bus_session, robot):
@@ -263,19 +286,6 @@ async def test_an_aircraft_that_is_not_ready_is_refused_in_its_own_words(serve):
         assert "takeoff" not in place.words()
 
 
-async def test_every_process_tells_its_time(serve):
-    async with serve(rex=HERE, arm=THERE) as (place, _, asker):
-        requested = msgspec.json.encode(StartSignal())
-        answers = await asyncio.to_thread(
-            lambda: list(asker.bus_session.request(keys.starts(place.id), requested, timeout=60))
-        )
-        found = {
-            each.process: each.time for each in (msgspec.json.decode(a, type=StartAnswer) for _, a in answers)
-        }
-        assert found.keys() == {"main", "arm"}
-        assert all(abs(stamp - time.time()) < 5.0 for stamp in found.values())
-
-
 def run_fleet(*arguments):
     """Start ``fleet`` in a process of its own."""
     program = [sys.executable, "-m", "fleet", *arguments]
@@ -294,8 +304,19 @@ def serve_group(serve):
     return lambda: serve(groups={"all": list(robots)}, **robots)
 
 
-async def test_the_command_line_starts_a_group_at_one_instant(serve_group, requests, fleet):
-    async with serve_group() as (place, _, _):
+async def test_the_command_line_starts_a_group_at_one_instant_or_says_for_each_why_nobody_was_started(
+    serve_group, requests, fleet
+):
+    async with serve_group() as (place, edge, asker):
+        edge.process.stop_robots(("max",), _cause())
+        code, out, err = await fleet("send", "all", "walk", "--at", "+4s")
+        assert code == 5, (out, err)
+        lines = dict(line.split(": ", 1) for line in out.splitlines())
+        assert lines["max"].startswith("walk rejected: emergency stop is set (test); release it first")
+        assert all("walk rejected: not started" in lines[name] for name in ("rex", "arm")), lines
+        assert "no robot is started: max:" in err
+        assert walked(place) == []
+        await asyncio.to_thread(_release, place, asker.bus_session, "max")
         _, out, err = await fleet("send", "all", "walk", "--at", "+4s")
         assert sorted(out.splitlines()) == [f"{name}: walk done" for name in ("arm", "max", "rex")], err
         await requests.until(lambda: len(walked(place)) == 3)
@@ -312,18 +333,6 @@ async def test_a_command_line_that_is_killed_before_the_instant_starts_nobody(se
         await requests.until(lambda: not prepared)
         await asyncio.to_thread(requested.communicate)
         await asyncio.sleep(6.2)
-        assert walked(place) == []
-
-
-async def test_the_command_line_says_for_each_robot_why_nobody_was_started(serve_group, fleet):
-    async with serve_group() as (place, edge, _):
-        edge.process.stop_robots(("max",), _cause())
-        code, out, err = await fleet("send", "all", "walk", "--at", "+4s")
-        assert code == 5, (out, err)
-        lines = dict(line.split(": ", 1) for line in out.splitlines())
-        assert lines["max"].startswith("walk rejected: emergency stop is set (test); release it first")
-        assert all("walk rejected: not started" in lines[name] for name in ("rex", "arm")), lines
-        assert "no robot is started: max:" in err
         assert walked(place) == []
 
 
