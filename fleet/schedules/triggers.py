@@ -8,6 +8,7 @@ scheduler, executors and stores are not used.
 
 from __future__ import annotations
 
+import functools
 import math
 import re
 from collections.abc import Iterator, Mapping
@@ -42,7 +43,8 @@ def zone_of(name: str) -> ZoneInfo:
         raise ValueError(f"there is no time zone {name!r} here; as in Europe/Zurich, or UTC") from None
 
 
-def cron_fields(text: str) -> dict[str, str]:
+@functools.lru_cache(256)
+def cron_fields(text: str) -> Mapping[str, str]:
     """Return the five fields of a cron expression; raises ValueError with the error.
 
     Weekdays must be names, because their numbers differ between programs. Day of the month and weekday
