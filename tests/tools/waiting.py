@@ -10,7 +10,9 @@ from typing import TypeVar
 T = TypeVar("T")
 
 DEADLINE = 60.0  # s; long because busy computers are slow, and a passing test never waits for it
-POLL_INTERVAL = 0.02  # s between checks
+SHORTEST_PAUSE, LONGEST_PAUSE = 0.02, 0.25  # s between checks
+PAUSE_SHARE = 0.05
+"""Pause as a share of the time waited so far: costly checks must not slow down what they wait for."""
 
 
 def wait_until(what: str, holds: Callable[[], T], *, within: float = DEADLINE) -> T:
@@ -18,12 +20,13 @@ def wait_until(what: str, holds: Callable[[], T], *, within: float = DEADLINE) -
 
     For threads and processes; ``what`` describes the awaited condition in the error.
     """
-    end = time.monotonic() + within
-    pause = threading.Event()
+    began = time.monotonic()
+    never = threading.Event()
     while True:
         value = holds()
         if value:
             return value
-        if time.monotonic() > end:
+        waited = time.monotonic() - began
+        if waited > within:
             raise AssertionError(f"waited {within:g} s for {what}")
-        pause.wait(POLL_INTERVAL)
+        never.wait(min(max(PAUSE_SHARE * waited, SHORTEST_PAUSE), LONGEST_PAUSE))
