@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import io
+import logging
 import subprocess
+from collections.abc import Sequence
 
 import pytest
 
@@ -21,8 +23,19 @@ def command_line(runtime: str, *arguments: str) -> subprocess.CompletedProcess[s
     ):
         for name, value in own_folders(runtime).items():
             patch.setenv(name, value)
-        code = main(arguments)
+        code = run_main(arguments)
     return subprocess.CompletedProcess(arguments, code, out.getvalue(), err.getvalue())
+
+
+def run_main(arguments: Sequence[str]) -> int:
+    """Run a command to its end; what it sets up for its log ends with it."""
+    root = logging.getLogger()
+    handlers, level = list(root.handlers), root.level
+    try:
+        return main(arguments)
+    finally:
+        root.handlers[:] = handlers
+        root.setLevel(level)
 
 
 def own_folders(runtime: str) -> dict[str, str]:

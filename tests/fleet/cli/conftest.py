@@ -22,9 +22,9 @@ import pytest
 from fleet.bus import keys
 from fleet.bus.bus import open_edge
 from fleet.bus.settings import BusSettings
-from fleet.cli.main import main
 from fleet.model.state import EdgeState, RobotState
 from fleet.model.summary import Summary, encode
+from tests.tools.command_line import run_main
 from tests.tools.waiting import DEADLINE
 
 TOY = """
@@ -94,7 +94,7 @@ def fleet(place, capsys):
     """Run one command line in the folder."""
 
     def fleet(*arguments):
-        code = main(arguments)
+        code = run_main(arguments)
         return Result(code, *capsys.readouterr())
 
     return fleet

@@ -18,7 +18,6 @@ from fleet.adapter import Adapter, AdapterConfig, Robot
 from fleet.bus.bus import join_control
 from fleet.bus.settings import BusSettings
 from fleet.bus.zenoh_session import ZenohSession
-from fleet.cli.main import main
 from fleet.clock import SystemClock
 from fleet.commands import command
 from fleet.config.load import load
@@ -35,6 +34,7 @@ from fleet.model.report import BatteryReport, PoseReport, TelemetryReport
 from fleet.robot_config import Limits
 from fleet.testing.clock import ManualClock
 from fleet.testing.robot import RecordingRobot
+from tests.tools.command_line import run_main
 from tests.tools.waiting import DEADLINE
 
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
@@ -409,7 +409,7 @@ def fleet(capsys: pytest.CaptureFixture[str]) -> Any:
     """Run one command line on a thread, beside an edge; gives its exit code, and its output and errors."""
 
     async def fleet(*arguments: str) -> tuple[int, str, str]:
-        code = await asyncio.to_thread(main, arguments)
+        code = await asyncio.to_thread(run_main, arguments)
         said = capsys.readouterr()
         return code, said.out, said.err
 

@@ -3,9 +3,10 @@
 import heapq
 import itertools
 from dataclasses import dataclass, field
+from functools import partial
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given, settings, target
 from hypothesis import strategies as st
 
 from fleet.standby.lease import TRANSITIONS, Lease, LeaseAction, LeaseEntry, LeaseEvent, LeaseState, Terms
@@ -186,9 +187,18 @@ class Node:
     cut_until: float = 0.0
     looking: bool = False
     epochs: list = field(default_factory=list)
+    troubles: list = field(default_factory=list)  # what befalls it as soon as a write of its own is stored
+
+    @property
+    def holds(self):
+        return self.lease.state is LeaseState.HOLDER
 
     def now(self, real):
         return self.offset + real * self.rate
+
+    def ends(self, real):
+        """Return in how many seconds its last byte may be written; negative if that was before."""
+        return (self.lease.writes_until - self.now(real)) / self.rate
 
 
 class World:
@@ -200,6 +210,7 @@ class World:
         self.entry, self.revision = None, 0
         self.due, self.count, self.real = [], itertools.count(), 0.0
         self.epochs = []
+        self.closest = -10.0  # s from a takeover back to when the other one could still write
 
     def later(self, delay, call):
         heapq.heappush(self.due, (self.real + delay, next(self.count), call))
@@ -218,6 +229,9 @@ class World:
         assert len(writing) <= 1, [(node.lease.edge, node.lease.state) for node in writing]
         for node in writing:
             if node.lease.epoch not in node.epochs:
+                self.closest = max(
+                    self.closest, *(each.ends(self.real) for each in self.nodes if each is not node)
+                )
                 assert not self.epochs or node.lease.epoch > self.epochs[-1]
                 node.epochs.append(node.lease.epoch)
                 self.epochs.append(node.lease.epoch)
@@ -260,6 +274,8 @@ class World:
             return
         self.revision += 1
         self.entry = (entry, revision := self.revision)
+        while node.troubles:
+            node.troubles.pop()()
         if not self.lost(node):
 
             def confirm():
@@ -295,44 +311,64 @@ class World:
 
 
 TROUBLES = st.tuples(
-    st.floats(0.05, 3.0),  # s until it comes
+    st.floats(0.05, 3.0),  # s until the next one
     st.sampled_from(("pause", "cut", "restart", "hand over", "delete")),
-    st.sampled_from((0, 1)),  # of which node
-    st.floats(0.1, 8.0),  # how long, s
+    st.booleans(),  # whether it befalls the holder, or the other
+    st.floats(0.1, 2.0) | st.floats(3.0, 8.0),  # how long, s: shorter than a lease, or longer
+    st.booleans(),  # whether it waits for a write of the node
 )
+DELAYS = st.just([0.0]) | st.lists(st.floats(0.0, 0.1) | st.floats(0.0, 1.5), min_size=1, max_size=7)
+LOSSES = st.just([False]) | st.lists(st.booleans(), min_size=1, max_size=7)
+RATES = st.sampled_from((0.96, 1.0, 1.04)) | st.floats(0.96, 1.04)
+"""A twelfth apart at most, which a lease has to bear."""
+CLOCKS = st.tuples(st.floats(0, 1e6), RATES)
 
 
 @settings(max_examples=500, deadline=None)
 @given(
-    offsets=st.tuples(st.floats(0, 1e6), st.floats(0, 1e6)),
-    rates=st.tuples(st.floats(0.99, 1.01), st.floats(0.99, 1.01)),
-    delays=st.lists(st.floats(0.0, 1.5), min_size=1, max_size=7),
-    losses=st.lists(st.booleans(), min_size=1, max_size=7),
-    troubles=st.lists(TROUBLES, max_size=12),
+    alone=st.sampled_from((0.0, 5.0)),
+    clocks=st.tuples(CLOCKS, CLOCKS),
+    delays=DELAYS,
+    losses=LOSSES,
+    troubles=st.lists(TROUBLES, min_size=1, max_size=12),
 )
-def test_two_edges_never_may_write_at_once_whatever_happens(offsets, rates, delays, losses, troubles):
+def test_two_edges_never_may_write_at_once_whatever_happens(alone, clocks, delays, losses, troubles):
+    """``alone``: s before the first trouble; in five seconds one of them comes to hold the lease."""
     nodes = [
         Node(Lease(name, f"{name}-0", TERMS), offset, rate)
-        for name, offset, rate in zip("ab", offsets, rates, strict=True)
+        for name, (offset, rate) in zip("ab", clocks, strict=True)
     ]
     world = World(nodes, delays, losses)
     for node in nodes:
         world.turns(node)
-    for number, (after, kind, which, seconds) in enumerate(troubles):
-        world.advance(world.real + after)
+    world.advance(alone)
+    for number, (after, kind, holder, seconds, waits) in enumerate(troubles):
+        which = next((index for index, node in enumerate(nodes) if node.holds is holder), 0)
         node = nodes[which]
-        if kind == "pause":
-            node.paused_until = world.real + seconds
-        elif kind == "cut":
-            node.cut_until = world.real + seconds
-        elif kind == "restart" and node.lease.state is not LeaseState.FENCED:
-            restart(world, which, number)
-        elif kind == "hand over":
-            node.lease.hand_over("ab"[1 - which])
-        elif kind == "delete":  # by a person; a marker with a revision of its own is left
-            world.revision += 1
-            world.entry = (None, world.revision)
+        befalls = partial(trouble, world, kind, which, seconds, number)
+        if waits:
+            node.troubles.append(befalls)
+        else:
+            befalls()
+        world.advance(world.real + after)
     world.advance(world.real + 10.0)
+    target(world.closest)  # a takeover as early as possible, and what comes next, is too early
+
+
+def trouble(world, kind, which, seconds, number):
+    """Let something befall a node, or the store."""
+    node = world.nodes[which]
+    if kind == "pause":
+        node.paused_until = max(node.paused_until, world.real + seconds)
+    elif kind == "cut":
+        node.cut_until = world.real + seconds
+    elif kind == "restart" and node.lease.state is not LeaseState.FENCED:
+        restart(world, which, number)
+    elif kind == "hand over":
+        node.lease.hand_over("ab"[1 - which])
+    elif kind == "delete":  # by a person; a marker with a revision of its own is left
+        world.revision += 1
+        world.entry = (None, world.revision)
 
 
 def restart(world, which, number):

@@ -13,7 +13,7 @@ import pytest
 from fleet.model.event import EventKind, EventReport
 from fleet.schedules.runner import Schedules, StartResult
 from fleet.schedules.store import FiringStore
-from tests.tools.waiting import wait_until
+from tests.tools.waiting import DEADLINE, wait_until
 
 HERE = {"worker": "main"}
 DAWN = {"mission": "patrol", "every": 3600.0}
@@ -55,12 +55,27 @@ async def scheduled(yard):
     return place, edge, edge.schedules.starter
 
 
-async def test_schedules_are_listed_switched_and_started_by_the_command_line(scheduled, run_edge, fleet):
+@pytest.fixture
+def listed(fleet):
+    """List the schedules of an edge; at its start it may not answer yet."""
+
+    async def listed(*options):
+        async with asyncio.timeout(DEADLINE):
+            while True:
+                code, out, _ = await fleet("schedule", "ls", *options)
+                if code == 0:
+                    return out
+
+    return listed
+
+
+async def test_schedules_are_listed_switched_and_started_by_the_command_line(
+    scheduled, run_edge, fleet, listed
+):
     _, edge, runs = scheduled
     async with run_edge(edge):
-        code, out, _ = await fleet("schedule", "ls", "--json")
-        dawn, low = json.loads(out)
-        assert (code, dawn["name"], dawn["enabled"], dawn["trigger"]) == (0, "dawn", True, "every 3600 s")
+        dawn, low = json.loads(await listed("--json"))
+        assert (dawn["name"], dawn["enabled"], dawn["trigger"]) == ("dawn", True, "every 3600 s")
         assert 0 < dawn["next"] - time.time() <= 3600
         assert (low["trigger"], low.get("next")) == ("on battery of rex", None)
         assert await fleet("schedule", "disable", "dawn") == (0, "dawn: disabled\n", "")
@@ -74,11 +89,11 @@ async def test_schedules_are_listed_switched_and_started_by_the_command_line(sch
 
 
 async def test_an_event_of_the_history_fires_and_all_that_happens_is_in_the_history(
-    scheduled, run_edge, fleet
+    scheduled, run_edge, fleet, listed
 ):
     _, edge, runs = scheduled
     async with run_edge(edge):
-        await fleet("schedule", "ls")  # it is served by now
+        await listed()
         edge.process.history.add("max", EventReport(time.time(), EventKind.BATTERY, "18 %"))
         edge.process.history.add("rex", EventReport(time.time(), EventKind.BATTERY, "17 %"))
         await asyncio.to_thread(wait_until, "it is started", lambda: runs.wanted)
@@ -89,7 +104,7 @@ async def test_an_event_of_the_history_fires_and_all_that_happens_is_in_the_hist
 
 
 async def test_schedules_that_fail_are_reported_by_the_edge_and_by_the_command_line(
-    scheduled, run_edge, fleet, monkeypatch
+    scheduled, run_edge, fleet, listed, monkeypatch
 ):
     _, edge, _ = scheduled
 
@@ -98,7 +113,7 @@ async def test_schedules_that_fail_are_reported_by_the_edge_and_by_the_command_l
 
     monkeypatch.setattr(Schedules, "handle_event", fails)
     async with run_edge(edge):
-        await fleet("schedule", "ls")  # it is served by now
+        await listed()
         edge.process.history.add("rex", EventReport(time.time(), EventKind.BATTERY, "17 %"))
         await asyncio.to_thread(wait_until, "it is told", lambda: edge.schedules.problem)
         assert edge.schedules.problem == "no schedule fires any more: RuntimeError: a bug"
@@ -108,7 +123,7 @@ async def test_schedules_that_fail_are_reported_by_the_edge_and_by_the_command_l
 
 
 async def test_a_disk_that_is_slow_does_not_hold_up_the_robots_when_the_edge_ends(
-    scheduled, run_edge, fleet, monkeypatch
+    scheduled, run_edge, listed, monkeypatch
 ):
     _, edge, _ = scheduled
     close, closed_by = FiringStore.close, []
@@ -119,17 +134,17 @@ async def test_a_disk_that_is_slow_does_not_hold_up_the_robots_when_the_edge_end
 
     monkeypatch.setattr(FiringStore, "close", noted)
     async with run_edge(edge):
-        await fleet("schedule", "ls")
+        await listed()
     assert closed_by
     assert threading.current_thread() not in closed_by
 
 
 async def test_a_robot_whose_emergency_stop_is_set_is_named_to_what_starts_missions(
-    scheduled, run_edge, fleet
+    scheduled, run_edge, fleet, listed
 ):
     _, edge, runs = scheduled
     async with run_edge(edge):
-        await fleet("schedule", "ls")
+        await listed()
         edge.process.robots["rex"].controller.emergency("anna said so")
         await fleet("schedule", "run", "dawn")
         assert runs.wanted[0].without == {"rex": "its emergency stop is set: anna said so"}

@@ -309,7 +309,7 @@ async def test_the_command_line_starts_a_group_at_one_instant_or_says_for_each_w
 ):
     async with serve_group() as (place, edge, asker):
         edge.process.stop_robots(("max",), _cause())
-        code, out, err = await fleet("send", "all", "walk", "--at", "+4s")
+        code, out, err = await fleet("send", "all", "walk", "--at", "+6s")
         assert code == 5, (out, err)
         lines = dict(line.split(": ", 1) for line in out.splitlines())
         assert lines["max"].startswith("walk rejected: emergency stop is set (test); release it first")
@@ -317,7 +317,7 @@ async def test_the_command_line_starts_a_group_at_one_instant_or_says_for_each_w
         assert "no robot is started: max:" in err
         assert walked(place) == []
         await asyncio.to_thread(_release, place, asker.bus_session, "max")
-        _, out, err = await fleet("send", "all", "walk", "--at", "+4s")
+        _, out, err = await fleet("send", "all", "walk", "--at", "+6s")
         assert sorted(out.splitlines()) == [f"{name}: walk done" for name in ("arm", "max", "rex")], err
         await requests.until(lambda: len(walked(place)) == 3)
         assert max(walked(place)) - min(walked(place)) < LOADED
