@@ -126,6 +126,17 @@ def test_a_velocity_is_never_held_without_a_lease(make_bench, requests, steps, s
 
 @EXAMPLES
 @given(steps=STEPS, source=SOURCES, session=SESSIONS)
+def test_all_motion_ends_with_a_stop_a_loss_or_a_taking_over(make_bench, requests, steps, source, session):
+    async def check():
+        bench = make_bench()
+        async for kind, _, _, _ in play(bench, requests, steps, source, session):
+            assert kind not in {"stop", "lost", "authority"} or not bench.controller.in_motion
+
+    asyncio.run(check())
+
+
+@EXAMPLES
+@given(steps=STEPS, source=SOURCES, session=SESSIONS)
 def test_nothing_is_said_of_an_action_after_its_end(make_bench, requests, steps, source, session):
     async def check():
         bench = make_bench()
