@@ -26,7 +26,7 @@ USAGE = """usage: python3 run.py demo [options of fleet demo]
        python3 run.py test [--fast | --soak] [options of pytest]
        python3 run.py docs
 
---fast: only tests that do not wait, about a minute and a half. --soak: many times as many examples, hours."""
+--fast: only tests that do not wait, about a minute. --soak: many times as many examples, hours."""
 # Packages to install for each command, besides the locked runtime packages. The demo keeps installed test
 # packages.
 PACKAGES = {

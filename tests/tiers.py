@@ -3,7 +3,7 @@
 A long test over combinations of several parameters has the mark ``combinations``: every run tries each value
 once, ``--soak`` tries all combinations.
 
-The fast tier takes a minute and a half: protocol, safety and translation, which are functions and tables.
+The fast tier takes a minute: protocol, safety and translation, which are functions and tables.
 Its tests start no program and wait for no socket; a test in its folders that does so has the mark ``waits``.
 """
 
@@ -16,6 +16,8 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from xdist.remote import Producer
+from xdist.scheduler import LoadGroupScheduling
 
 ROOT = Path(__file__).parent
 SYSTEM = ROOT / "system"
@@ -54,11 +56,21 @@ BUT = (
     "fleet/link/test_udp.py",
     "fleet/spool/test_disk.py",
     "fleet/spool/test_spool.py",
+    # play long random sequences
+    "adapters/fleet_ugv/test_any_sequence.py",
+    "fleet/model/test_occupancy.py",
+    "fleet/spool/test_queue_life.py",
     # simulate walking and flying, which takes seconds of processor time
     "adapters/fleet_mavlink/sim",
     "adapters/fleet_quadruped/body/test_machine.py",
     "adapters/fleet_quadruped/body/test_posing.py",
+    "adapters/fleet_quadruped/can/test_bus_guard.py",
     "adapters/fleet_quadruped/can/test_capture.py",
+    "adapters/fleet_quadruped/drives/mit/test_drive.py",
+    "adapters/fleet_quadruped/drives/moteus/test_drive.py",
+    "adapters/fleet_quadruped/drives/odrive/test_drive.py",
+    "adapters/fleet_quadruped/drives/test_bad_frames.py",
+    "adapters/fleet_quadruped/drives/test_protocols.py",
     "adapters/fleet_mavlink/test_ardupilot_rover.py",
     "adapters/fleet_mavlink/test_braking.py",
     "adapters/fleet_mavlink/test_compass.py",
@@ -84,6 +96,7 @@ BUT = (
     "adapters/fleet_mavlink/test_navigation.py",
     "adapters/fleet_mavlink/test_takeoff.py",
     "adapters/fleet_ugv/test_navigation.py",
+    "fleet/host/follow/test_robot_follower.py",
 )
 REAL_TIME = "real time"
 """Group of pytest-xdist whose tests run one at a time: two robots at once miss their deadlines."""
@@ -91,7 +104,7 @@ WAITS = {"socket.bind", "socket.connect", "subprocess.Popen", "os.posix_spawn", 
 """Audit events that are forbidden in the fast tier; the event loop's own socket pair causes none of them."""
 SOAK = 50
 """Factor for the number of Hypothesis examples with ``--soak``."""
-FAST_SHARE = 0.2
+FAST_SHARE = 0.1
 """Factor for the number of Hypothesis examples with ``--fast``."""
 LONGEST_ID = 100
 """Characters of a parameter in a test's name; some parameters are megabytes."""
@@ -100,8 +113,31 @@ LONGEST_ID = 100
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options of the tiers."""
     group = parser.getgroup("tiers")
-    group.addoption("--fast", action="store_true", help="only tests that wait for nothing (1.5 minutes)")
+    group.addoption("--fast", action="store_true", help="only tests that wait for nothing (a minute)")
     group.addoption("--soak", action="store_true", help=f"{SOAK} times as many examples (hours)")
+
+
+class FileScheduling(LoadGroupScheduling):
+    """Gives a process the tests of a whole file, or of a group.
+
+    With ``loadgroup`` alone each test without a group is a group of its own, and after each test the
+    scheduler counts all groups so far: with 20,000 of them the processes wait for it. Tests of one file also
+    share fixtures.
+    """
+
+    def _split_scope(self, nodeid: str) -> str:
+        """Return the group of a test, or its file."""
+        scope = super()._split_scope(nodeid)
+        return nodeid.partition("::")[0] if scope == nodeid else scope
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> FileScheduling | None:
+    """Schedule files, in the order of the tests, instead of single tests."""
+    if config.getoption("dist") != "loadgroup":
+        return None
+    config.option.loadscopereorder = False
+    return FileScheduling(config, log)
 
 
 def pytest_make_parametrize_id(val: object) -> str | None:
