@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import itertools
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 from xdist.remote import Producer
 from xdist.scheduler import LoadGroupScheduling
+from xdist.workermanage import WorkerController
 
 ROOT = Path(__file__).parent
 SYSTEM = ROOT / "system"
@@ -123,12 +124,38 @@ class FileScheduling(LoadGroupScheduling):
     With ``loadgroup`` alone each test without a group is a group of its own, and after each test the
     scheduler counts all groups so far: with 20,000 of them the processes wait for it. Tests of one file also
     share fixtures.
+
+    Tests of whole fleets wait for robots in real time. The last process takes other tests as long as there
+    are any, so that no processor is idle meanwhile.
     """
+
+    def _assign_work_unit(self, node: WorkerController) -> None:
+        """Give a process the next file or group."""
+        if len(self.nodes) > 1 and node is self.nodes[-1]:
+            units = self.workqueue.items()
+            other = next((scope for scope, tests in units if not waits_for_robots(tests)), None)
+            if other is not None:
+                self.workqueue.move_to_end(other, last=False)
+        super()._assign_work_unit(node)
+
+    def mark_test_complete(self, node: WorkerController, item_index: int, duration: float = 0) -> None:
+        """Record the end of a test; forget a file that is done: all that are known are counted each time."""
+        super().mark_test_complete(node, item_index, duration)
+        scope = self._split_scope(self.registered_collections[node][item_index])
+        assigned = self.assigned_work.get(node, {})
+        if all(assigned.get(scope, {}).values()):
+            assigned.pop(scope, None)
 
     def _split_scope(self, nodeid: str) -> str:
         """Return the group of a test, or its file."""
         scope = super()._split_scope(nodeid)
         return nodeid.partition("::")[0] if scope == nodeid else scope
+
+
+def waits_for_robots(tests: Iterable[str]) -> bool:
+    """Return whether the tests of a file or group run robots in real time, by the name of the first."""
+    first = next(iter(tests))
+    return first.startswith("tests/system/") or first.endswith(f"@{REAL_TIME}")
 
 
 @pytest.hookimpl(optionalhook=True)
