@@ -39,7 +39,7 @@ def describe(out: Output, robot: str, command: str | None, *, file: str | None) 
         return ExitCode.OK
     named = {one.name: one for one in found.commands}
     if command not in named:
-        near = nearest(command, named) or f"fleet describe {robot} lists what it takes"
+        near = nearest(command, [*named, *found.verbs]) or f"fleet describe {robot} lists what it takes"
         if command in found.verbs:
             near = f"it is a verb; fleet describe {robot} shows the parameters of all verbs"
         raise Refused(f"{robot} has no command {command!r}", hint=near)

@@ -105,13 +105,17 @@ class Capabilities(msgspec.Struct, frozen=True):
         return streamed or self.navigates or any(spec.moves for spec in self.commands.values())
 
     def hint(self, name: str) -> str:
-        """Return why the robot lacks a command, or the closest match to an undeclared name."""
+        """Return why the robot lacks a command, or the closest match to an undeclared name.
+
+        The motion verbs are among the names: they are sent as commands too, and executed as velocities.
+        """
         if name in self.lacking:
             return self.lacking[name]
-        near = difflib.get_close_matches(name, self.commands, n=1)
+        names = sorted({*self.commands, *self.verbs})
+        near = difflib.get_close_matches(name, names, n=1)
         if near:
             return f"did you mean {near[0]!r}?"
-        return f"it takes {', '.join(sorted(self.commands)) or 'no commands'}"
+        return f"it takes {', '.join(names) or 'no commands'}"
 
 
 def _along(verb: Verb) -> Velocity:

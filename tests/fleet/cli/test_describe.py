@@ -53,9 +53,10 @@ def test_one_command_is_shown_with_types_units_and_ranges(fleet):
 
 
 @pytest.mark.usefixtures("kestrel")
-def test_a_misspelt_command_is_reported_with_the_nearest(fleet):
-    result = fleet("describe", "kestrel", "takeof")
-    assert (result.code, "did you mean 'takeoff'?" in result.err) == (5, True)
+@pytest.mark.parametrize(("misspelt", "meant"), [("takeof", "takeoff"), ("move_foward", "move_forward")])
+def test_a_misspelt_command_or_verb_is_reported_with_the_nearest(fleet, misspelt, meant):
+    result = fleet("describe", "kestrel", misspelt)
+    assert (result.code, f"did you mean {meant!r}?" in result.err) == (5, True)
 
 
 @pytest.mark.usefixtures("kestrel")

@@ -99,7 +99,9 @@ async def test_a_command_reaches_the_method_with_checked_parameters():
 
 def test_a_command_that_is_not_declared_is_reported_with_the_nearest():
     assert capabilities(Framey).hint("sti") == "did you mean 'sit'?"
-    assert capabilities(Framey).hint("takeoff") == "it takes lamp, sit"
+    assert capabilities(Framey).hint("move_foward") == "did you mean 'move_forward'?"
+    listed = "it takes lamp, move_backward, move_forward, sit, turn_left, turn_right"
+    assert capabilities(Framey).hint("takeoff") == listed
 
 
 @pytest.mark.parametrize(
