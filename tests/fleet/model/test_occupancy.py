@@ -143,6 +143,17 @@ class Runs(RuleBasedStateMachine):
         assert not self.waiting or self.having
 
     @invariant()
+    def nobody_waits_for_a_place_that_is_free(self):
+        awaited = set()
+        for claim in self.places.claims:
+            if claim.next is None:
+                continue
+            place, number = claim.next
+            if place not in awaited:  # the first in the queue of this place
+                assert sum(self.places.held(place).values()) + number > self.capacities[place]
+            awaited.add(place)
+
+    @invariant()
     def nobody_waits_longer_than_it_said(self):
         end = self.places.next_end()
         assert end is None or end > self.now
