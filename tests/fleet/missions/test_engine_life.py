@@ -1,9 +1,11 @@
 """What holds of a run whatever happens, in whatever order, and however often the process dies."""
 
+from collections import Counter
+
 import msgspec
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from fleet.missions.engine import Engine
 from fleet.missions.program import (
@@ -21,6 +23,7 @@ from fleet.missions.program import (
     WaitFor,
 )
 from fleet.missions.state import (
+    GOING_ON,
     NEXT,
     Abort,
     Begin,
@@ -55,6 +58,8 @@ from fleet.missions.state import (
 
 ROBOTS = {"kestrel": "eye", "beast": "feet", "rover": "feet"}
 SPARE = "spot"
+ACTING = frozenset({Phase.STEP, Phase.HALTING, Phase.UNDOING, Phase.ENDING})
+"""Phases in which the run waits for robots that act."""
 GONE = [PartOutcome.LOST, PartOutcome.TAKEN, PartOutcome.STOPPED]
 ENDS = [
     PartOutcome.DONE,
@@ -158,7 +163,7 @@ def inner_missions(draw, begin):
 
 @st.composite
 def programs(draw):
-    steps = draw(st.lists(st.one_of(DOS, DOS, OTHERS), min_size=1, max_size=4))
+    steps = [draw(DOS), *draw(st.lists(st.one_of(DOS, DOS, OTHERS), max_size=3))]
     if draw(st.booleans()):
         inner = draw(st.lists(st.one_of(DOS, OTHERS), min_size=1, max_size=2))
         until = draw(CONDITIONS)
@@ -187,6 +192,7 @@ class Life(RuleBasedStateMachine):
         self.program = program
         self.now = 0.0
         self.begun = set()
+        self.tries = Counter()
         self.not_ours = {SPARE}
         self.enlisting = False
         self.stopped = False
@@ -239,6 +245,7 @@ class Life(RuleBasedStateMachine):
                 assert part.identity in self.parts, f"{part.identity} is not recorded"
                 assert not (self.stopped and part.kind != "halt"), "something follows an emergency stop"
                 self.begun.add(part.identity)
+                self.tried(part)
             case Prepare(robot=robot) | EmergencyStop((robot,)):
                 assert robot not in self.not_ours
             case Ended():
@@ -246,6 +253,12 @@ class Life(RuleBasedStateMachine):
                 assert len(self.ended) == 1
             case _:
                 pass
+
+    def tried(self, part):
+        """Count the attempts of a robot at its task in a step."""
+        if part.kind == "do":
+            self.tries[part.step, part.robot] += 1
+            assert self.tries[part.step, part.robot] <= 1 + part.act.retry, f"{part.identity} is one too many"
 
     def carry_out(self, effect):
         match effect:
@@ -273,17 +286,85 @@ class Life(RuleBasedStateMachine):
             case _:
                 pass
 
+    @invariant()
+    def it_waits_for_an_event(self):
+        """Check that the run waits for an event that can still occur, not only for the next tick."""
+        phase, robots = self.engine.head.phase, self.engine.robots
+        if phase is Phase.PREPARING:
+            assert any(robots.members[robot].within for robot in self.preparing), "no robot prepares"
+        elif phase in ACTING:
+            acting = robots.active()
+            assert acting, f"no robot acts, and the run stays in phase {phase}"
+            led = all(part.kind == "do" and part.act.verb == "follow" for part in acting)
+            assert phase is not Phase.STEP or not led, "all that act follow"
+
     @rule(seconds=st.sampled_from([0.2, 3.0, 20.0, 120.0]))
     def time_passes(self, seconds):
         self.now += seconds
         self.send(Tick())
 
+    @rule(outcome=st.sampled_from(ENDS))
+    def what_it_waits_for_occurs(self, outcome):
+        """Bring about the event that the run waits for."""
+        head = self.engine.head
+        match head.phase:
+            case Phase.OCCUPYING:
+                self.occupying = False
+                self.send(PlaceOccupied())
+            case Phase.FILLING:
+                self.enlisting = False
+                self.not_ours.discard(SPARE)
+                self.send(Enlisted(SPARE))
+            case Phase.PREPARING:
+                for robot in sorted(self.preparing):
+                    self.send(RobotPrepared(robot))
+                self.preparing.clear()
+            case Phase.PAUSED if head.question is None:
+                self.send(Resume("anna"))
+            case Phase.PAUSED | Phase.ASKING:
+                self.send(PersonAnswer(head.questions, True, "anna"))
+            case Phase.WAITING:
+                self.now += 30.0
+                self.send(Tick())
+            case _ if self.active():
+                self.reply((self.active("do") or self.active())[0], outcome)
+
+    def active(self, *kinds):
+        """Return the identities of the parts whose outcome the run waits for."""
+        return [part.identity for part in self.engine.robots.active(*kinds)]
+
+    def reply(self, identity, outcome):
+        self.waiting.pop(identity, None)
+        self.send(Replied(identity, outcome, "so it was"))
+
+    def tasks(self):
+        """Return the identities of the tasks of the step in progress; let a step begin before if none is."""
+        for _ in range(4):
+            if self.engine.head.phase is Phase.STEP:
+                break
+            self.what_it_waits_for_occurs(PartOutcome.DONE)
+        return self.active("do") if self.engine.head.phase is Phase.STEP else []
+
+    @precondition(lambda self: self.engine.head.phase in GOING_ON)
+    @rule(outcome=st.sampled_from([PartOutcome.FAILED, PartOutcome.REFUSED]))
+    def a_robot_fails_at_its_task(self, outcome):
+        for identity in self.tasks()[:1]:
+            self.reply(identity, outcome)
+
+    @precondition(lambda self: self.engine.head.phase in GOING_ON)
+    @rule(outcome=st.sampled_from(GONE))
+    def the_last_robot_of_a_step_leaves(self, outcome):
+        """Let all others finish before."""
+        *others, last = self.tasks() or [""]
+        for identity in others:
+            self.reply(identity, PartOutcome.DONE)
+        if last:
+            self.leave(self.engine.robots.parts[last].robot, outcome)
+
     @precondition(lambda self: self.waiting)
     @rule(data=st.data(), outcome=st.sampled_from(ENDS))
     def a_robot_replies(self, data, outcome):
-        identity = data.draw(st.sampled_from(sorted(self.waiting)))
-        del self.waiting[identity]
-        self.send(Replied(identity, outcome, "so it was"))
+        self.reply(data.draw(st.sampled_from(sorted(self.waiting))), outcome)
 
     @precondition(lambda self: self.waiting)
     @rule(data=st.data())
@@ -325,6 +406,9 @@ class Life(RuleBasedStateMachine):
 
     @rule(robot=st.sampled_from(sorted(ROBOTS)), outcome=st.sampled_from(GONE))
     def a_robot_leaves(self, robot, outcome):
+        self.leave(robot, outcome)
+
+    def leave(self, robot, outcome):
         self.not_ours.add(robot)
         self.send(Left(robot, outcome, "gone"))
 
@@ -356,25 +440,26 @@ class Life(RuleBasedStateMachine):
 
     @rule(rare=st.integers(0, 4))
     def somebody_aborts(self, rare):
-        if rare == 0:
+        if rare == 4:
             self.send(Abort("anna"))
 
     @rule(rare=st.integers(0, 4), robots=st.sets(st.sampled_from(sorted(ROBOTS)), min_size=2))
     def several_are_stopped(self, rare, robots):
-        if rare == 0:
+        if rare == 4:
             self.not_ours |= robots
             self.stopped = True
             self.send(StopAll(tuple(sorted(robots)), "anna"))
 
     @rule(seconds=st.sampled_from([0.0, 5.0, 100.0]), rare=st.integers(0, 2))
     def the_process_dies(self, seconds, rare):
-        if rare:
-            return
-        self.restart(seconds)
+        if rare == 2:
+            self.restart(seconds)
 
-    @rule(outcome=st.sampled_from(ENDS), seconds=st.sampled_from([0.0, 5.0]))
-    def the_process_dies_before_it_commands(self, outcome, seconds):
+    @rule(outcome=st.sampled_from(ENDS), seconds=st.sampled_from([0.0, 5.0]), rare=st.integers(0, 2))
+    def the_process_dies_before_it_commands(self, outcome, seconds, rare):
         """Record what an event led to, and carry out nothing of it."""
+        if rare != 2:
+            return
         event = Tick()
         if self.waiting:
             identity = min(self.waiting)
