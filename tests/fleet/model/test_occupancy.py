@@ -124,6 +124,17 @@ class Runs(RuleBasedStateMachine):
         self.now += seconds
         self.take(self.places.settle(now=self.now))
 
+    @precondition(lambda self: self.waiting)
+    @rule()
+    def wait_until_one_is_late(self):
+        """Let another holder ask for the same places before."""
+        late = min((claim for claim in self.places.claims if claim.next), key=lambda claim: claim.until)
+        for holder in sorted(set(HOLDERS) - {*self.waiting, *self.having})[:1]:
+            self.waiting[holder] = dict(late.wanted)
+            self.take(self.places.request(holder, self.waiting[holder], now=self.now, within=20.0))
+        self.now = self.places.next_end()
+        self.take(self.places.settle(now=self.now))
+
     @rule()
     def restart(self):
         self.places = Occupancy(self.capacities, self.places.claims)
@@ -152,6 +163,10 @@ class Runs(RuleBasedStateMachine):
             if place not in awaited:  # the first in the queue of this place
                 assert sum(self.places.held(place).values()) + number > self.capacities[place]
             awaited.add(place)
+
+    @invariant()
+    def who_waits_has_not_been_granted(self):
+        assert {claim.holder for claim in self.places.claims if claim.next} == self.waiting.keys()
 
     @invariant()
     def nobody_waits_longer_than_it_said(self):
