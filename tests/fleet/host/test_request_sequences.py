@@ -16,6 +16,7 @@ WHO = st.sampled_from(["anna", "bert"])
 DISCRETE = st.sampled_from(["walk", "sit", "arm", "land", "look"])
 STOPS = st.sampled_from(["stop", "hover", "emergency_stop"])
 PAUSES = st.sampled_from([0.0, 0.0, 0.02, 0.1, 0.3, 1.0, 3.0, 6.0])
+BEFORE = st.sampled_from(["", "drive", "send", "walk"])  # what it is asked for before it is lost or taken
 ERRORS = st.sampled_from(
     [None, None, None, Refused("no"), NotReady("busy"), TimedOut("late"), LinkLost("gone"), ValueError("bug")]
 )
@@ -111,9 +112,18 @@ class Requests(RuleBasedStateMachine):
     def request_the_host(self, name, who, pause):
         self.play(self._then(lambda: self.host.own(name, who), pause))
 
-    @rule(pause=PAUSES)
-    def pilot_takes_over(self, pause):
-        self.play(self._then(self.host.pilot, pause))
+    @rule(before=BEFORE, pause=PAUSES)
+    def pilot_takes_over(self, before, pause):
+        self.play(self._pilot(before, pause))
+
+    async def _pilot(self, before, pause):
+        await self._move(before)
+        self.host.pilot()
+        motion = self.host.robot.controller.motion
+        assert not motion.under_way, f"{motion.activity} goes on after a pilot took over"
+        assert not motion.in_control, "the pilot has control"
+        assert not self._moving(), "all that moved it has ended"
+        await asyncio.sleep(pause)
 
     # -- what fails ------------------------------------------------------------------------------------
 
@@ -121,10 +131,25 @@ class Requests(RuleBasedStateMachine):
     def change_mood(self, mood):
         self.host.mood = mood
 
-    @rule(pause=PAUSES)
-    def go_silent(self, pause):
+    async def _move(self, how):
+        """Let it move in this way, if it takes the request."""
+        match how:
+            case "drive":
+                self.host.drive()
+            case "send":
+                self.host.send()
+            case "walk":
+                self.host.command("walk")
+        await asyncio.sleep(0.0)
+
+    @rule(before=BEFORE, pause=PAUSES)
+    def go_silent(self, before, pause):
+        self.play(self._go_silent(before, pause))
+
+    async def _go_silent(self, before, pause):
+        await self._move(before)
         self.host.machine.heard = False
-        self.play(asyncio.sleep(pause))
+        await asyncio.sleep(pause)
 
     @rule(pause=PAUSES)
     def come_back(self, pause):
@@ -206,16 +231,27 @@ class Requests(RuleBasedStateMachine):
         if controller.latched:
             assert state.activity == "emergency stop"
             assert state.emergency_stop
-        under_way = [
-            one
-            for one in host.requested
-            if one.process == host.process and one.name in MOVES and one.receipt.ended is None
-        ]
+        under_way = self._moving()
         assert len(under_way) <= 1
         assert not under_way or state.activity
         motion = host.machine.motion
         if controller.offline and motion is not None and not self._lands(motion[1]):
             assert controller.motion.may_be_moving, f"{motion} goes on, {controller.offline}"
+
+    @invariant()
+    def nothing_is_under_way_while_it_is_lost(self):
+        controller = self.host.robot.controller
+        assert not controller.offline or not controller.in_motion, f"{controller.offline}, but it moves"
+        assert not self.host.not_halted, f"it moved and was not halted: {self.host.not_halted}"
+
+    def _moving(self):
+        """Return the commands of this process that move it and have no end."""
+        host = self.host
+        return [
+            one
+            for one in host.requested
+            if one.process == host.process and one.name in MOVES and one.receipt.ended is None
+        ]
 
     def _lands(self, tag):
         """Return whether it lands, or was asked to since this request: a landing is not broken off."""

@@ -279,6 +279,7 @@ class Host:
         self.process = 0
         self.stops_given = self.halts_given = 0
         self.crashes: list[Exception] = []
+        self.not_halted: list[str] = []  # losses of the robot in motion
         self._tags = itertools.count(1)
 
     def count(self) -> int:
@@ -326,19 +327,28 @@ class Host:
             changed=lambda _name: None,
             supervised=SupervisorClient(),
         )
-        lost = self.robot.controller.lost
-
-        def noted(why):
-            if self.alive is process:
-                self.ends(why)
-            lost(why)
-
-        self.robot.controller.lost = noted
+        self._note_losses(process)
         self._watched: list[Watched] = []
         self.robot.be_watched(SimpleNamespace(add=lambda _name, watched: self._watched.append(watched)))
         self.scheduler.every(0.02, self._watch)
         self.scheduler.start()
         self.run = self.robot.start()
+
+    def _note_losses(self, process: object) -> None:
+        """Note each loss of the robot, and whether one that moves was not halted."""
+        controller = self.robot.controller
+        lost = controller.lost
+
+        def noted(why):
+            moves = controller.in_motion or self.machine.motion is not None
+            halted, first = self.halts_given, not controller.offline
+            if self.alive is process:
+                self.ends(why)
+            lost(why)
+            if self.alive is process and first and moves and self.halts_given == halted:
+                self.not_halted.append(why)
+
+        controller.lost = noted
 
     def _watch(self) -> None:
         """Do what the watchdog does on its thread."""
@@ -434,7 +444,9 @@ class Host:
     def pilot(self) -> None:
         """Let a pilot take the robot over, and bring it to a standstill."""
         self.ends("pilot")
-        self.robot.controller.authority_lost("pilot")
+        adapter = self.robot.controller.attached.adapter
+        told = self.robot.controller if adapter is None else adapter.robot
+        told.authority_lost("pilot")
         self.machine.motion = None
 
     def stop(self, name: str = "stop", who: str = "anna") -> UnrulyRequest:
