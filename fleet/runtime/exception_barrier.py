@@ -75,10 +75,16 @@ def failure_of(error: BaseException) -> Exception:
     return failure
 
 
+def error_text(error: BaseException) -> str:
+    """Return the text of an error, or its class if it has none, as asyncio's TimeoutError; never empty."""
+    return str(error) or type(error).__name__
+
+
 def failure_text(error: BaseException) -> str:
     """Return an error of an adapter in one line: class, text, and the place in the adapter that raised it."""
     places = [place for each in _chain(error) if (place := _place_of(each))]
-    return f"{type(error).__name__}: {error}" + (f" ({places[-1]})" if places else "")
+    text = f": {error}" if str(error) else ""
+    return f"{type(error).__name__}{text}" + (f" ({places[-1]})" if places else "")
 
 
 def _chain(error: BaseException | None) -> Iterator[BaseException]:

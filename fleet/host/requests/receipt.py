@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from fleet.errors import CommandError, LinkError, TimedOut, Unsupported
 from fleet.model.command import Answer, Reply, ReplyStatus
+from fleet.runtime.exception_barrier import error_text
 
 log = logging.getLogger(__name__)
 
@@ -77,9 +78,10 @@ class Receipt:
         """End it with the error, in the robot's own words."""
         status = next(status for kind, status in _STATUS if isinstance(error, kind))
         if isinstance(error, CommandError):
-            reply = Reply(self.command, status, error.reason, error.hint, error.device_result, error.messages)
+            reason = error.reason or type(error).__name__
+            reply = Reply(self.command, status, reason, error.hint, error.device_result, error.messages)
         else:
-            reply = Reply(self.command, status, str(error))
+            reply = Reply(self.command, status, error_text(error))
         self._fail(reply)
 
     def _fail(self, reply: Reply) -> None:

@@ -25,13 +25,21 @@ from fleet.host.robot.run_health import RunHealth
 from fleet.host.robot.strikes import STRIKE_WINDOW, STRIKES, Strikes
 from fleet.host.runtime.cancellation import result_of, retrieve_exception
 from fleet.model.health import Health, Level
-from fleet.runtime.exception_barrier import call_guarded, failure_of, failure_text, guarded, log_exceptions
+from fleet.runtime.exception_barrier import (
+    call_guarded,
+    error_text,
+    failure_of,
+    failure_text,
+    guarded,
+    log_exceptions,
+)
 
 SLOW_RETRY = 30.0  # s between retries of a failure that only a person can fix
 NO_FAILSAFE = Health(
     Level.DEGRADED,
     "nothing stops it if this process dies: its adapter declares no failsafe and leaves no halt",
 )
+NO_CAUSE = "its adapter reports no cause"
 LEAVE_WITHIN = 2.0  # s for a cancelled run to end
 
 
@@ -170,7 +178,7 @@ class AdapterRunner:
         cause = _cause(error)
         for kind, level, slow in _ENDS:
             if isinstance(cause, kind):
-                return _RunEnd(Health(level, str(cause)), slow)
+                return _RunEnd(Health(level, _reason(error)), slow)
         self._log.error("the adapter failed", exc_info=error)
         self._strikes.count(self._clock.monotonic())
         return _RunEnd(Health(Level.FAULT, failure_text(cause)))
@@ -186,7 +194,7 @@ class AdapterRunner:
                 self._crash.result()
             result_of(work)
         except Exception as error:
-            why = str(_cause(error))
+            why = _reason(error)
             raise
         finally:
             await _uninterrupted(self._end_attempt(work, why))
@@ -205,7 +213,7 @@ class AdapterRunner:
             try:
                 await adapter.run()
             except BaseException as error:
-                why = str(_cause(error)) or "its run was ended"  # a cancellation has no text
+                why = _reason(error)
                 raise
             finally:
                 await _uninterrupted(self._stand(why, open_still=False))
@@ -270,6 +278,8 @@ class AdapterRunner:
         """Apply the adapter's own report of its connection's health."""
         if self._ending is not None:
             return
+        if health.level is not Level.OK and not health.cause:
+            health = Health(health.level, NO_CAUSE)
         if health.level is Level.OK and not self._has_failsafe():
             health = NO_FAILSAFE
         if health.level is Level.FAULT:
@@ -298,6 +308,14 @@ def _cause(error: BaseException) -> BaseException:
         leaves = [leaf for leaf in leaves if leaf not in groups]
         leaves += [inner for group in groups for inner in group.exceptions]
     return next((leaf for leaf in leaves if not isinstance(leaf, LinkError)), leaves[0])
+
+
+def _reason(error: BaseException) -> str:
+    """Return why a run ended; never empty, which would mean that the robot can be reached."""
+    cause = _cause(error)
+    if isinstance(cause, asyncio.CancelledError):
+        return str(cause) or "its run was ended"
+    return error_text(cause)
 
 
 async def _uninterrupted(work: Coroutine[object, object, None]) -> None:

@@ -16,7 +16,7 @@ from fleet.host.robot.action_statuses import ActionStatuses
 from fleet.host.runtime.cancellation import closing, no_wait, was_cancelled
 from fleet.model.navigation import ActionState, AnyTask, Control, Navigate, RelativeMove
 from fleet.model.report import NavigationReport
-from fleet.runtime.exception_barrier import failure_text, guarded
+from fleet.runtime.exception_barrier import error_text, failure_text, guarded
 
 log = logging.getLogger(__name__)
 
@@ -149,7 +149,7 @@ class Navigator:
             if self._is_current():
                 action.complete()
         except (CommandError, LinkError) as error:
-            self._fail(action, str(error))
+            self._fail(action, error_text(error))
         except asyncio.CancelledError:
             if was_cancelled():
                 raise

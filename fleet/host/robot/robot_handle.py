@@ -113,10 +113,12 @@ class RobotHandle:
             self._lost_authority(reason)
 
     def lacks(self, reasons: Mapping[str, str]) -> None:
-        """Set the declared capabilities that the robot does not have."""
+        """Set the declared capabilities that the robot does not have; an empty reason gets a text."""
         if not self._closed:
             self._lacking.clear()
-            self._lacking.update(reasons)
+            self._lacking.update(
+                {name: why or "this robot does not have it" for name, why in reasons.items()}
+            )
 
     def circles(self, radius: float) -> None:
         """Set the radius in metres at which the robot circles at the end of a task; 0: it stands."""

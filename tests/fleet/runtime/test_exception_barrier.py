@@ -5,7 +5,8 @@ import json
 
 import pytest
 
-from fleet.runtime.exception_barrier import call_guarded, failure_text, guarded
+from fleet.errors import LinkLost
+from fleet.runtime.exception_barrier import call_guarded, error_text, failure_text, guarded
 
 
 class Panic(BaseException):
@@ -86,3 +87,8 @@ def test_an_exit_is_placed_where_the_adapter_called_it():
 
 def test_an_error_that_was_never_raised_has_no_place():
     assert failure_text(RuntimeError("blocked the event loop")) == "RuntimeError: blocked the event loop"
+    assert failure_text(TimeoutError()) == "TimeoutError"
+
+
+def test_an_error_without_a_text_has_the_name_of_its_class():
+    assert [error_text(error) for error in (TimeoutError(), LinkLost("gone"))] == ["TimeoutError", "gone"]

@@ -78,6 +78,13 @@ def test_each_error_has_its_status(error, status):
     assert [answer.status for answer in answers] == [status]
 
 
+@pytest.mark.parametrize("error", [Refused("", hint="later"), Fault(""), LinkLost()])
+def test_an_error_without_a_text_is_answered_with_its_class(error):
+    one, answers = receipt()
+    one.fail(error)
+    assert [answer.reason for answer in answers] == [type(error).__name__]
+
+
 def test_a_watcher_that_comes_late_hears_everything():
     one, _ = receipt()
     one.done()

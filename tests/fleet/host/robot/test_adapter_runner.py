@@ -357,14 +357,15 @@ async def test_a_run_that_is_cancelled_is_not_called_reachable_while_its_link_is
 # -- the robot is left standing ------------------------------------------------------------------------
 
 
-async def moving(stage, requests, bench, *runs):
-    """Return a stage whose robot is moving, and the event that ends its first run."""
+async def moving(stage, requests, bench, *runs, error=None):
+    """Return a stage whose robot is moving, and the event that ends its first run with an error."""
     end = asyncio.Event()
+    error = error or LinkLost("the cable came out")
 
     async def until_ended(robot):
         robot.health(Health())
         await end.wait()
-        raise LinkLost("the cable came out")
+        raise error
 
     one = stage(until_ended, *(runs or (serve,)))
     await requests.until(lambda: one.runner.health == Health())
@@ -515,6 +516,45 @@ async def test_nothing_is_begun_while_a_run_is_ending(stage, requests, bench):
     (answer,) = bench.request(requests.setpoint())
     assert "the cable came out" in answer.reason
     bench.adapter.go.set()
+
+
+@pytest.mark.parametrize("error", [TimeoutError(), LinkLost(), Fault("")])
+async def test_a_run_that_ends_without_a_text_leaves_a_robot_that_cannot_be_reached(
+    stage, requests, bench, error
+):
+    """Text is empty for TimeoutError of asyncio; an empty reason stands for a robot that can be reached."""
+    one, end = await moving(stage, requests, bench, error=error)
+    bench.adapter.stops = "never"
+    end.set()
+    await requests.until(lambda: "stop" in bench.adapter.calls)
+    (answer,) = bench.request(requests.setpoint())
+    assert type(error).__name__ in answer.reason
+    bench.adapter.go.set()
+    await requests.until(lambda: any(type(error).__name__ in health.cause for health in one.levels))
+
+
+async def test_a_crash_without_a_text_leaves_a_robot_that_cannot_be_reached(stage, requests, bench):
+    one, _ = await moving(stage, requests, bench)
+    bench.adapter.stops = "never"
+    one.runner.crashed(TimeoutError())
+    await requests.until(lambda: "stop" in bench.adapter.calls)
+    (answer,) = bench.request(requests.setpoint())
+    assert answer.reason == "rex is offline: TimeoutError"
+    bench.adapter.go.set()
+
+
+@pytest.mark.parametrize("level", [Level.OFFLINE, Level.FAULT])
+async def test_health_without_a_cause_admits_no_motion(stage, requests, bench, level):
+    async def run(robot):
+        robot.health(Health(level))
+        await asyncio.Event().wait()
+
+    one = stage(run)
+    await requests.until(lambda: one.runner.health.level is level and one.made)
+    await requests.settle()
+    (answer,) = bench.request(requests.setpoint())
+    assert "no cause" in answer.reason
+    assert "no cause" in one.runner.health.cause
 
 
 async def test_a_stop_that_never_returns_does_not_hold_up_the_next_run(stage, requests, bench, monkeypatch):

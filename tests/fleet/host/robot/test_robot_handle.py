@@ -180,6 +180,12 @@ async def test_what_a_robot_lacks_is_what_its_adapter_said_last():
     assert heard.lacking == {"land": "it has a hull"}
 
 
+async def test_what_a_robot_lacks_without_a_reason_is_refused_with_one():
+    heard = Heard()
+    heard.handle.lacks({"goto": ""})
+    assert heard.lacking == {"goto": "this robot does not have it"}
+
+
 async def test_the_circle_of_what_cannot_stand_is_passed_on_and_no_other_number():
     heard = Heard()
     heard.handle.circles(95.0)
