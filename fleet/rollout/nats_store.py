@@ -28,6 +28,7 @@ from fleet.rollout.messages import DesiredState, ObservedState, Rollout, read_en
 from fleet.rollout.names import BUNDLES, CURRENT, DESIRED, OBSERVED, OPERATOR, ROLLOUTS, inbox_of, subject
 from fleet.rollout.settings import RolloutSettings
 from fleet.rollout.store import MOST_PARTS, StoreError, parts_of
+from fleet.runtime.exception_barrier import error_text
 
 log = logging.getLogger(__name__)
 
@@ -86,12 +87,7 @@ class Connection:
 
     def silent(self, error: Exception) -> StoreError:
         """Return the error for a store that does not answer, or refuses a request."""
-        words = self._said or str(error) or type(error).__name__
-        if not self._said and isinstance(error, BrokenPipeError | ConnectionResetError):
-            words = (
-                "it ended the connection, as with a certificate or an account that it refuses; see its log"
-            )
-        self._said = ""
+        words, self._said = self._said or _words(error), ""
         servers = ", ".join(self._settings.servers)
         return StoreError(f"the store of roll-outs ({servers}) does not answer {self._name}: {words}")
 
@@ -124,7 +120,7 @@ def _words(error: Exception) -> str:
     """Return the text of an error; a server may close the connection before its reason was read."""
     if isinstance(error, BrokenPipeError | ConnectionResetError):
         return "it ended the connection, as with a certificate or an account that it refuses; see its log"
-    return str(error) or type(error).__name__
+    return error_text(error)
 
 
 def _tls(settings: RolloutSettings) -> ssl.SSLContext:

@@ -76,7 +76,7 @@ def failure_of(error: BaseException) -> Exception:
 
 
 def error_text(error: BaseException) -> str:
-    """Return the text of an error, or its class if it has none, as asyncio's TimeoutError; never empty."""
+    """Return the text of an error; the name of its class if it has none, as asyncio's TimeoutError."""
     return str(error) or type(error).__name__
 
 

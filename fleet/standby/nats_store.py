@@ -22,6 +22,7 @@ from nats.js.kv import KeyValue
 
 from fleet.errors import StateError
 from fleet.runtime.decoding import decode_json
+from fleet.runtime.exception_barrier import error_text
 from fleet.standby.lease import LeaseEntry
 from fleet.standby.store import ANSWER_WITHIN, ServiceSettings
 
@@ -121,4 +122,4 @@ def _entry(data: bytes, key: str) -> LeaseEntry:
 
 def _silent(error: Exception) -> StateError:
     """Return the error for a service that does not answer."""
-    return StateError(f"the lease service does not answer: {error or type(error).__name__}")
+    return StateError(f"the lease service does not answer: {error_text(error)}")

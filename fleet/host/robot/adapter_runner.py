@@ -178,7 +178,7 @@ class AdapterRunner:
         cause = _cause(error)
         for kind, level, slow in _ENDS:
             if isinstance(cause, kind):
-                return _RunEnd(Health(level, _reason(error)), slow)
+                return _RunEnd(Health(level, error_text(cause)), slow)
         self._log.error("the adapter failed", exc_info=error)
         self._strikes.count(self._clock.monotonic())
         return _RunEnd(Health(Level.FAULT, failure_text(cause)))
