@@ -24,6 +24,9 @@ from fleet.version import __version__
 CHUNK = 256 * 1024
 """Bytes of a chunk before compression; a larger message has a chunk of its own."""
 
+HEADLESS = ".headless"
+"""Name of the file whose head is not written yet; a folder has one recorder."""
+
 _RECORD = struct.Struct("<BQ")  # opcode, length of the content
 
 
@@ -80,20 +83,29 @@ class _BufferedFile:
 class RecordingFile:
     """A new MCAP file at ``path``, for this user only; raises OSError.
 
-    After an OSError in ``flush`` it has ``failed``: nothing more can be added; ``close`` it, and ``repair``.
+    It gets this name when its head is written, so that nobody finds a file without one. After an OSError in
+    ``flush`` it has ``failed``: nothing more can be added; ``close`` it, and ``repair``.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._output = _BufferedFile(path)
+        headless = path.with_name(HEADLESS)
+        headless.unlink(missing_ok=True)  # left by a recorder that was killed
+        self._output = _BufferedFile(headless)
         output: Any = self._output
         self._writer = Writer(output, chunk_size=CHUNK, compression=CompressionType.ZSTD)
         self._schemas: dict[str, int] = {}
         self._channels: dict[tuple[str, str], int] = {}
         self._counts: dict[int, int] = {}
         self.failed = False
-        self._writer.start(library=f"fleet {__version__}")
-        self.flush()
+        try:
+            self._writer.start(library=f"fleet {__version__}")
+            self.flush()
+            headless.rename(path)
+        except OSError:
+            self._output.close()
+            headless.unlink(missing_ok=True)
+            raise
 
     @property
     def size(self) -> int:

@@ -6,7 +6,7 @@ import stat
 import pytest
 from mcap.reader import make_reader
 
-from fleet.record.file import END, RecordingFile, repair
+from fleet.record.file import END, HEADLESS, RecordingFile, repair
 from fleet.record.messages import Message
 
 
@@ -84,16 +84,47 @@ def test_a_whole_file_and_a_foreign_one_are_left_as_they_are(file, tmp_path):
     assert (file.path.read_bytes(), foreign.read_bytes()) == (before, b"no MCAP at all")
 
 
+def fail(*_):
+    raise OSError(28, "No space left on device")
+
+
+def test_a_file_has_its_head_from_the_moment_it_can_be_found(tmp_path, read_back, monkeypatch):
+    found, pwrite = [], os.pwrite
+
+    def looked_for(*arguments):
+        found.append(list(tmp_path.glob("*.mcap")))
+        return pwrite(*arguments)
+
+    monkeypatch.setattr(os, "pwrite", looked_for)
+    (tmp_path / HEADLESS).write_bytes(b"left by a recorder that was killed")
+    file = RecordingFile(tmp_path / "one.mcap")
+    assert (found, read_back(tmp_path / "one.mcap")) == ([[]], [])
+    assert list(tmp_path.iterdir()) == [file.path]
+    file.close()
+
+
+def test_a_disk_that_fails_at_the_head_leaves_neither_file_nor_descriptor(tmp_path, monkeypatch):
+    descriptors = []
+
+    def fail_at_once(descriptor, *_):
+        descriptors.append(descriptor)
+        fail()
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "pwrite", fail_at_once)
+        with pytest.raises(OSError, match="No space left"):
+            RecordingFile(tmp_path / "one.mcap")
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        os.fstat(*descriptors)
+
+
 def test_a_disk_that_fails_is_reported_and_leaves_what_was_flushed(file, read_back, monkeypatch):
     fill(file, 0, 5)
     file.flush()
     fill(file, 5, 9)
-
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
     with monkeypatch.context() as patch:
-        patch.setattr(os, "pwrite", full)
+        patch.setattr(os, "pwrite", fail)
         with pytest.raises(OSError, match="No space left"):
             file.flush()
     file.close()
