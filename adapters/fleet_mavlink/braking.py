@@ -70,7 +70,7 @@ class Brakes:
         refusals: list[CommandError] = []
         for brake in kind.brakes(self._vehicle.state):
             try:
-                await self._take(brake, kind)
+                await self._send(brake, kind)
             except Superseded:
                 raise  # superseded by another stop: trying the next brake would disturb it
             except CommandError as error:
@@ -84,7 +84,7 @@ class Brakes:
         said = "; ".join(str(each) for each in refusals)
         raise Refused(f"{self._vehicle.what} was not stopped: {said}", hint="stop it by other means")
 
-    async def _take(self, brake: Brake, kind: VehicleKind) -> None:
+    async def _send(self, brake: Brake, kind: VehicleKind) -> None:
         """Send one brake command until its mode is shown."""
         if brake.first is not None:
             await self._commander.request(brake.first.request, tries=2, effect=Effect.NONE)

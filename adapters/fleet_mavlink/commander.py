@@ -300,7 +300,7 @@ class Commander:
         if ack.result not in {MavResult.ACCEPTED, MavResult.IN_PROGRESS}:
             exchange.refusal = ack
             exchange.refused_at = self.vehicle.now()
-        exchange.take(ack)
+        exchange.add(ack)
 
     async def _answer(self, exchange: CommandTurn, seen: StateCondition | None) -> CommandAck | None:
         """Return the acknowledgement, None without one in time; waits on after "in progress"."""

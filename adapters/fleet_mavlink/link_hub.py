@@ -128,9 +128,9 @@ class LinkHub:
             vehicle.trust.counts["answers to other stations"] += tap is None
             return
         if flies:
-            vehicle.take(message, address)
+            vehicle.handle_message(message, address)
         else:
-            vehicle.take_part(frame.component, message)
+            vehicle.handle_component_message(frame.component, message)
 
     def _is_for_us(self, answer: Any) -> bool:
         """Return True if an answer is for us; autopilots that do not fill in the target send 0."""

@@ -98,7 +98,7 @@ class _LogTransfer:
             self._vehicle.send(LogRequestData(self._vehicle.system, AUTOPILOT, self._number, self._at, gap))
             filled = self._at + gap
             while self._at < min(filled, self._end) and (piece := await heard.next(_SILENCE)) is not None:
-                self._take(piece)
+                self._store(piece)
             if self._at >= self._end:
                 return bytes(self._data)
             fruitless = 0 if len(self._parts) + len(self._data) > before else fruitless + 1
@@ -111,7 +111,7 @@ class _LogTransfer:
         if self._vehicle.state.armed:
             raise NotReady("it was armed meanwhile", hint="go on after the flight")
 
-    def _take(self, piece: LogData) -> None:
+    def _store(self, piece: LogData) -> None:
         """Store a piece; a short one marks the end of the log."""
         if piece.id != self._number or not self._at <= piece.ofs < self._end:
             return

@@ -68,7 +68,7 @@ class CommandTurn:
         self.superseded = reason
         self.wake()
 
-    def take(self, ack: CommandAck) -> None:
+    def add(self, ack: CommandAck) -> None:
         """Add an acknowledgement."""
         self.acks.append(ack)
         self.wake()

@@ -113,7 +113,7 @@ class Vehicle:
         """Send to the vehicle, at the address of its last message; raises LinkLost."""
         self._send(message, self.address)
 
-    def take(self, message: MavlinkMessage, address: Address) -> None:
+    def handle_message(self, message: MavlinkMessage, address: Address) -> None:
         """Process a message from this system's autopilot, unless it comes from another address."""
         now = self.now()
         if isinstance(message, Heartbeat) and message.autopilot == NO_AUTOPILOT:
@@ -135,7 +135,7 @@ class Vehicle:
         self._pass_on(message)
         self._wake()
 
-    def take_part(self, component: int, message: MavlinkMessage) -> None:
+    def handle_component_message(self, component: int, message: MavlinkMessage) -> None:
         """Process a message of another component of the vehicle: a camera, or a gimbal."""
         if isinstance(message, GimbalDeviceAttitudeStatus | OpenDroneIdArmStatus):
             self.state = reduce(self.state, message, self.now())
@@ -145,7 +145,7 @@ class Vehicle:
             if camera is None and isinstance(message, Heartbeat) and message.type == CAMERA_TYPE:
                 camera = self.camera = VehicleComponent(self, component)
             if camera is not None and camera.component == component:
-                camera.take(message, None)
+                camera.handle_message(message, None)
 
     def _is_ours(self, address: Address, now: float) -> bool:
         """Return True if an address is the vehicle's; learn a new one after 3 s of silence of the old one.
@@ -280,7 +280,7 @@ class VehicleComponent(Vehicle):
         super().__init__(whole.system, whole.clock, lambda message, _address: whole.send(message))
         self.component = component
 
-    def take(self, message: MavlinkMessage, address: Address) -> None:  # noqa: ARG002 - its vehicle's is used
+    def handle_message(self, message: MavlinkMessage, address: Address) -> None:  # noqa: ARG002 - its vehicle's is used
         """Process a message of the component."""
         self.state = reduce(self.state, message, self.now())
         if isinstance(message, CommandAck):

@@ -42,7 +42,7 @@ class Allowance:
         self._a_second, self._burst = a_second, burst
         self._left, self._at = burst, 0.0
 
-    def takes(self, now: float) -> bool:
+    def admits(self, now: float) -> bool:
         """Return True if one more message is permitted at ``now``, monotonic s."""
         self._left = min(self._burst, self._left + (now - self._at) * self._a_second)
         self._at = now
@@ -124,15 +124,15 @@ class Watcher:
         """Process data from stations; never raises."""
         try:
             for frame in self._parser.feed(data, every=True):
-                self._take(frame)
+                self._deliver(frame)
         except Exception:  # noqa: BLE001 - exception barrier: one bad message must not end the view of all vehicles
             _LOG.exception("%s: dropped %d bytes", self.url, len(data))
 
-    def _take(self, frame: Frame) -> None:
+    def _deliver(self, frame: Frame) -> None:
         """Pass a message on to its target vehicle."""
         if not frame.system:
             return
-        if not self._allowance.takes(self._now()):
+        if not self._allowance.admits(self._now()):
             why = f"{self.url}: more than {_A_SECOND:g} messages a second"
             self._notices.add("too many messages", f"{why}: the rest is dropped")
             return

@@ -139,7 +139,7 @@ class BenchSession:
             for name, bus in self._buses.items():
                 for frame in bus.receive(min(left, 0.002)):
                     self.frames[name] += 1
-                    self.drives.take(name, frame, self._clock.monotonic())
+                    self.drives.handle_frame(name, frame, self._clock.monotonic())
         act()
         return self.drives.feedback(self._clock.monotonic()).each()
 

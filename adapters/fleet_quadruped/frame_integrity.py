@@ -79,7 +79,7 @@ class FrameIntegrity:
             protected[checksum.at] = checksum.of(self._identifier, bytes(protected))
         return bytes(protected)
 
-    def take(self, data: bytes) -> bool:
+    def accepts(self, data: bytes) -> bool:
         """Return True for a valid frame: correct checksum, and a counter that has changed."""
         counter, checksum = self._counter, self._checksum
         if checksum is not None and data[checksum.at] != checksum.of(self._identifier, data):

@@ -133,7 +133,7 @@ class FrameDecoder:
         if plan is None or len(data) < plan[0]:
             return None
         integrity = self._integrity.get(identifier)
-        if integrity is not None and not integrity.take(data):
+        if integrity is not None and not integrity.accepts(data):
             return None
         found: dict[str, float] = {}
         for unpack_from, fields in plan[1]:

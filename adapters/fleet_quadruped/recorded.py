@@ -74,12 +74,12 @@ class RecordedDog(Adapter[QuadrupedConfig]):
             return
         now = self.robot.clock.monotonic()
         if self._imu is not None and (bus, frame.id) in self._imu.frames:
-            self._imu.take(frame, now)
+            self._imu.handle_frame(frame, now)
             self._report_imu()
         elif self._battery is not None and (bus, frame.id) in self._battery.frames:
-            self._battery.take(frame, now)
+            self._battery.handle_frame(frame, now)
         else:
-            self._drives.take(bus, frame, now)
+            self._drives.handle_frame(bus, frame, now)
             self._report_joints(now)
 
     def _report_joints(self, now: float) -> None:

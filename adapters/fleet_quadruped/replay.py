@@ -45,14 +45,14 @@ class DriveReplay:
         """The last feedback of the joints."""
         return self.drives.feedback(self._time).each()
 
-    def take(self, captured: Captured) -> None:
+    def apply(self, captured: Captured) -> None:
         """Apply the next frame."""
         if captured.sent:
             target = self.drives.target(captured.bus, captured.frame)
             if target is not None:
                 self.wanted[target[0].name] = target[1]
             return
-        self.drives.take(captured.bus, captured.frame, captured.time)
+        self.drives.handle_frame(captured.bus, captured.frame, captured.time)
         self._time = captured.time
 
     def lines(self, frames: Iterable[Captured], only: str = "") -> Iterator[str]:
@@ -65,7 +65,7 @@ class DriveReplay:
         said: dict[str, tuple[str, str]] = {}
         due = 0.0
         for captured in found:
-            self.take(captured)
+            self.apply(captured)
             when = f"{captured.time - end:8.3f} s"
             states = {} if captured.sent else self._states()  # only the frames of drives change them
             for name, now in states.items():

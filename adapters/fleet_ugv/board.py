@@ -141,13 +141,13 @@ class Board:
         now = self._robot.clock.monotonic()
         while self._inbox:
             at, stamp, event = self._inbox.popleft()
-            self._take(event, at, stamp)
+            self._handle_event(event, at, stamp)
         self._look(now)
         self._keep(now)
         if self.observer.metrics_due(now):
             self.metrics()
 
-    def _take(self, event: UgvEvent, at: float, stamp: float) -> None:
+    def _handle_event(self, event: UgvEvent, at: float, stamp: float) -> None:
         """Handle one event."""
         match event:
             case Feedback():
@@ -161,7 +161,7 @@ class Board:
 
     def _feedback(self, feedback: Feedback, at: float, stamp: float) -> None:
         """Handle a measurement: report it, and set up a board that is new or was restarted."""
-        step = self.observer.take(feedback, at)
+        step = self.observer.update(feedback, at)
         restarted = step is not None and step.restarted
         if restarted:
             self._robot.log.warning("the board restarted")

@@ -33,8 +33,8 @@ class Observer:
         self._radius = config.setting.diameter / 2
         self._due: dict[str, float] = {}
 
-    def take(self, feedback: Feedback, now: float) -> OdometryStep | None:
-        """Take a feedback measured at ``now`` (monotonic s)."""
+    def update(self, feedback: Feedback, now: float) -> OdometryStep | None:
+        """Integrate a feedback measured at ``now`` (monotonic s)."""
         step = self.odometry.update(feedback, now)
         if step is not None:
             self.speed, self.yaw_rate = step.speed, step.yaw_rate

@@ -137,7 +137,7 @@ def _taken(state: Path) -> Iterator[None]:
     locks = [FileLock(state / name) for name in (SPOOL, JOURNAL)] if state.is_dir() else []
     try:
         for lock in locks:
-            lock.take()
+            lock.acquire()
         yield
     except StateError as error:
         raise BackupError(

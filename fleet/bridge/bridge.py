@@ -120,7 +120,7 @@ class Bridge:
             msgspec.structs.replace(settings, client_id=session, will=self._will()),
             subscriptions(topics, rules),
             on_message=self.downlink.arrived,
-            on_read=self.downlink.take,
+            on_read=self.downlink.dispatch,
             on_state=self._state_changed,
             clock=clock,
             spool=spool,

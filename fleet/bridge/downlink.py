@@ -172,7 +172,7 @@ class Downlink:
         self._inbox.append(one)
         self._waiting += len(one.message.payload)
 
-    def take(self) -> bool:
+    def dispatch(self) -> bool:
         """Dispatch received messages to their recipients, for a bounded time; on the loop.
 
         Return True when messages are left, for which the loop must call again. Another thread may go on
@@ -271,7 +271,7 @@ class Downlink:
         if route.port and one.requested:
             self._request(one, route.port, one.requested)
         elif route.rule.taker is Recipient.RELAY:
-            self._relay.take(route.topic, route.rule, one.message)
+            self._relay.forward(route.topic, route.rule, one.message)
         elif route.port is None:
             self._handle(route.topic, one.message, self._own[route.rule.suffix])
 

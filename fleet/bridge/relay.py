@@ -26,7 +26,7 @@ class Relay:
         self._allowances: dict[tuple[str, str], tuple[float, float]] = {}  # tokens left, last update
         self.passed = 0
 
-    def take(self, topic: Topic, rule: InboundRule, message: CloudMessage) -> None:
+    def forward(self, topic: Topic, rule: InboundRule, message: CloudMessage) -> None:
         """Check one message and publish it on the bus, or count why it is refused."""
         if is_for_the_cloud(topic.suffix, message.payload) or is_state_of_another(
             topic.suffix, message.payload

@@ -116,7 +116,7 @@ class Uplink:
             line = "refused %s of %s from the bus: its robot runs in this process and reports it itself"
             self.refusals.add("forged", line, outbound.channel, outbound.twin)
             return
-        self._take(outbound, sample)
+        self._handle(outbound, sample)
 
     def open(self, key: str) -> OutboundChannel | None:
         """Return the outbound channel of this process's own reports of a key; None if it is not forwarded.
@@ -163,9 +163,9 @@ class Uplink:
                 outbound.mark_sent(now)
                 self._send(outbound, report)
             else:
-                self._take(outbound, report)
+                self._handle(outbound, report)
 
-    def _take(self, outbound: OutboundChannel, sample: Report | bytes) -> None:
+    def _handle(self, outbound: OutboundChannel, sample: Report | bytes) -> None:
         """Send an event immediately; of a state keep the newest sample for the tick."""
         if outbound.parted:
             try:

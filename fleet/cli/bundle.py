@@ -98,7 +98,7 @@ def install(out: Output, bundle: Path, *, folder: Path) -> ExitCode:
     if settings.edge is None:
         raise click.ClickException(f"{folder / FILE} names no edge: add  edge: NAME")
     installation = Installation(folder)
-    installation.take()
+    installation.lock()
     try:
         if installation.current:
             raise BundleError(f"{folder} has bundle {installation.current[:12]} already: roll out the next")

@@ -72,7 +72,7 @@ def agent(out: Output, folder: Path) -> ExitCode:
         raise click.ClickException(f"{folder / FILE} names no edge: add  edge: NAME")
     end_logging = start_logging(LogSettings(logging.INFO, "json" if out.as_json else "text"))
     installation = Installation(folder)
-    installation.take()
+    installation.lock()
     try:
         asyncio.run(_serve(settings.edge, installation))
     finally:

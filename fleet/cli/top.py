@@ -89,7 +89,7 @@ def top(
             metrics.serve(port)
         for found in _snapshots(watch, file, site=site):
             if metrics is not None:
-                metrics.take(found.edges)
+                metrics.update(found.edges)
             if metrics is None or out.as_json or out.height is not None:
                 _show(out, found, everything=everything)
 

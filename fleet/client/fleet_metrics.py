@@ -34,7 +34,7 @@ class FleetMetrics(Collector):
             raise MetricsError(f"--metrics: {HOST}:{port} cannot be opened: {error.strerror}") from None
         self.port = int(server.server_port)
 
-    def take(self, edges: Sequence[SeenEdge]) -> None:
+    def update(self, edges: Sequence[SeenEdge]) -> None:
         """Store the present state of the edges."""
         self._edges = edges
 

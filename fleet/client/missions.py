@@ -114,11 +114,11 @@ def start_mission(
     chosen = {role: list(names) for role, names in robots.items()}
     request = MissionStartRequest(mission=sent, inputs=dict(inputs), robots=chosen, run=run, session_id=by)
     edge = edge_of(edges, name, chosen, sent)
-    shown = _taken(
+    shown = _accepted(
         mission_requests.start(edges, edge, name, msgspec.structs.replace(request, only_fill=True))
     )
     filled(shown.roles)
-    started = _taken(
+    started = _accepted(
         mission_requests.start(edges, edge, name, msgspec.structs.replace(request, robots=shown.roles))
     )
     return MissionRun(edges, msgspec.structs.replace(started, roles=shown.roles), edge, by)
@@ -177,7 +177,7 @@ def plan_mission(path: Path) -> dict[str, Any]:
         raise Refused(f"{path}: {error}") from None
 
 
-def _taken(started: Started) -> Started:
+def _accepted(started: Started) -> Started:
     """Return the answer to a start; raises Refused if it is a refusal."""
     if started.refusal:
         raise Refused(started.refusal, hint=started.hint)

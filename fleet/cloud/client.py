@@ -277,7 +277,7 @@ class CloudClient:
                     self._settings,
                     self._clock,
                     deliver=self._deliver,
-                    take=self._on_read,
+                    dispatch=self._on_read,
                 )
                 await connection.answered()
             return await self._serve_ready(connection, session)

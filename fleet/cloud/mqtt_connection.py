@@ -82,7 +82,7 @@ class MqttConnection:
         clock: Clock,
         *,
         deliver: Deliver,
-        take: Callable[[], bool],
+        dispatch: Callable[[], bool],
     ) -> None:
         self._loop = asyncio.get_running_loop()
         self.ready: asyncio.Future[None] = self._loop.create_future()
@@ -93,7 +93,7 @@ class MqttConnection:
         self._clock = clock
         self._silent = not settings.tls  # plain connection that has received nothing yet
         self._deliver = deliver
-        self._take = take
+        self._dispatch = dispatch
         self._dispatch_again = _NextIterationCall(self._loop)  # the rest, after other work of the loop
         self._flush_again = _NextIterationCall(self._loop)
         self.spaced = SpacedCall(self._loop, clock, WRITE_SPACING)
@@ -149,7 +149,7 @@ class MqttConnection:
         """Dispatch the messages that were read: robots get requests before the broker gets its answers."""
         more = False
         try:
-            more = self._take()
+            more = self._dispatch()
         except Exception:
             logger.exception("dispatching received messages failed")
         if more:
@@ -200,7 +200,7 @@ class MqttConnection:
         except WireError as error:
             message = recover_publish(error)
             if message is not None:
-                self._session.take(message)
+                self._session.enqueue(message)
             code = mqtt5.DisconnectReasonCode.MALFORMED_PACKET
             self._failure = SessionEnded(f"the broker sent {error}", code)
         except CloudError as error:

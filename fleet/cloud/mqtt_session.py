@@ -160,13 +160,13 @@ class MqttSession:
     def _on_publish(self, packet: mqtt5.PublishPacket, _now: float) -> None:
         """Receive a message; one of QoS 2 is delivered once, even if it is sent again."""
         if packet.topic_alias is not None:
-            self._take_flawed(packet, "a topic alias that was not allowed")
+            self._enqueue_flawed(packet, "a topic alias that was not allowed")
             raise _broken("the broker uses a topic alias that was not allowed")
         identifier = packet.packet_id
         if identifier is None:
-            self.take(_message_of(packet))
+            self.enqueue(_message_of(packet))
         elif packet.qos == mqtt5.QoS.AT_LEAST_ONCE:
-            self.take(_message_of(packet))
+            self.enqueue(_message_of(packet))
             self._replies.append(mqtt5.PubAckPacket(identifier))
         else:
             self._on_publish_twice(packet, identifier)
@@ -175,18 +175,18 @@ class MqttSession:
         """Receive a QoS 2 message, and remember its identifier until PUBREL."""
         if identifier not in self._half_received:
             if len(self._half_received) >= INBOUND:
-                self._take_flawed(packet, "beyond the Receive Maximum")
+                self._enqueue_flawed(packet, "beyond the Receive Maximum")
                 code = mqtt5.DisconnectReasonCode.RECEIVE_MAX_EXCEEDED
                 raise SessionEnded("the broker has too many QoS 2 messages in flight", code)
             self._half_received.add(identifier)
-            self.take(_message_of(packet))
+            self.enqueue(_message_of(packet))
         self._replies.append(mqtt5.PubRecPacket(identifier))
 
-    def _take_flawed(self, packet: mqtt5.PublishPacket, why: str) -> None:
+    def _enqueue_flawed(self, packet: mqtt5.PublishPacket, why: str) -> None:
         """Deliver a message that breaks the protocol: it may be a stop."""
-        self.take(msgspec.structs.replace(_message_of(packet), flaw=why))
+        self.enqueue(msgspec.structs.replace(_message_of(packet), flaw=why))
 
-    def take(self, message: CloudMessage) -> None:
+    def enqueue(self, message: CloudMessage) -> None:
         """Add a message to those to deliver."""
         self._stats.received += 1
         self._messages.append(message)

@@ -36,7 +36,7 @@ class _Fields:
         self._body = body
         self._at = 0
 
-    def take(self, count: int) -> bytes:
+    def read(self, count: int) -> bytes:
         """Return the next bytes; raise ValueError if there are fewer."""
         end = self._at + count
         if end > len(self._body):
@@ -47,11 +47,11 @@ class _Fields:
 
     def byte(self) -> int:
         """Return the next byte."""
-        return self.take(1)[0]
+        return self.read(1)[0]
 
     def number(self) -> int:
         """Return a two-byte integer, big-endian."""
-        return int.from_bytes(self.take(2))
+        return int.from_bytes(self.read(2))
 
     def identifier(self) -> int:
         """Return a packet identifier, which is never zero."""
@@ -61,7 +61,7 @@ class _Fields:
 
     def binary(self) -> bytes:
         """Return binary data behind its length."""
-        return self.take(self.number())
+        return self.read(self.number())
 
     def text(self) -> str:
         """Return a UTF-8 string without NUL."""
@@ -76,7 +76,7 @@ class _Fields:
 
     def rest(self) -> bytes:
         """Return the remaining bytes."""
-        return self.take(len(self._body) - self._at)
+        return self.read(len(self._body) - self._at)
 
 
 def read(frame: memoryview) -> mqtt5.Packet:

@@ -33,7 +33,7 @@ POSITIONS = f"cw/*/data/{PoseReport.channel}"
 
 
 class EdgeConnections:
-    """The buses of the edges, and the newest sample of each key since the last ``take``.
+    """The buses of the edges, and the newest sample of each key since the last ``apply_received``.
 
     ``joined`` are the joined buses, by edge.
     """
@@ -55,14 +55,14 @@ class EdgeConnections:
         self._lock = threading.Lock()
         self._pending: dict[str, bytes] = {}
         self._takers: Mapping[str, Callable[[list[str], bytes], None]] = {
-            "robots/state": self._take_state,
-            "robots/description": self._take_description,
-            "health": self._take_health,
-            "places": self._take_places,
-            "missions": self._take_missions,
-            "runs": self._take_run,
-            "schedules": self._take_schedules,
-            "data": self._take_pose,
+            "robots/state": self._update_state,
+            "robots/description": self._update_description,
+            "health": self._update_health,
+            "places": self._update_places,
+            "missions": self._update_missions,
+            "runs": self._update_run,
+            "schedules": self._update_schedules,
+            "data": self._update_pose,
         }
 
     def bus_sessions(self) -> dict[str, ZenohSession]:
@@ -101,9 +101,9 @@ class EdgeConnections:
         with self._lock:
             self._pending.update(samples)
 
-    def take(self) -> None:
-        """Take the received samples into the view; unreadable ones are logged and skipped."""
-        self.watched.take()
+    def apply_received(self) -> None:
+        """Apply the received samples to the view; unreadable ones are logged and skipped."""
+        self.watched.apply_received()
         with self._lock:
             pending, self._pending = self._pending, {}
         # States first: a pose is shown in the frame given by its robot's state.
@@ -117,36 +117,36 @@ class EdgeConnections:
             except (msgspec.DecodeError, WireError, ValueError) as error:
                 log.warning("the message on %s cannot be read: %s", key, error)
 
-    def _take_state(self, _parts: list[str], payload: bytes) -> None:
-        """Take a robot's state."""
-        self._view.take_state(decode_json(payload, RobotState), self._clock.monotonic())
+    def _update_state(self, _parts: list[str], payload: bytes) -> None:
+        """Update a robot's state."""
+        self._view.update_state(decode_json(payload, RobotState), self._clock.monotonic())
 
-    def _take_health(self, _parts: list[str], payload: bytes) -> None:
-        """Take an edge's state."""
-        self._view.take_edge(decode_json(payload, EdgeState), self._clock.monotonic())
+    def _update_health(self, _parts: list[str], payload: bytes) -> None:
+        """Update an edge's state."""
+        self._view.update_edge(decode_json(payload, EdgeState), self._clock.monotonic())
 
-    def _take_places(self, parts: list[str], payload: bytes) -> None:
-        """Take the goals of robots."""
-        self._view.take_goals(parts[1], decode_json(payload, Goals))
+    def _update_places(self, parts: list[str], payload: bytes) -> None:
+        """Update the goals of robots."""
+        self._view.update_goals(parts[1], decode_json(payload, Goals))
 
-    def _take_description(self, parts: list[str], payload: bytes) -> None:
-        """Take a robot's vocabulary."""
-        self._view.take_description(parts[1], decode_json(payload, RobotDescription))
+    def _update_description(self, parts: list[str], payload: bytes) -> None:
+        """Update a robot's vocabulary."""
+        self._view.update_description(parts[1], decode_json(payload, RobotDescription))
 
-    def _take_schedules(self, parts: list[str], payload: bytes) -> None:
-        """Take the schedules of an edge."""
-        self._view.take_schedules(parts[1], decode_json(payload, ScheduleAnswer).schedules)
+    def _update_schedules(self, parts: list[str], payload: bytes) -> None:
+        """Update the schedules of an edge."""
+        self._view.update_schedules(parts[1], decode_json(payload, ScheduleAnswer).schedules)
 
-    def _take_missions(self, _parts: list[str], payload: bytes) -> None:
-        """Take the missions that can be started."""
-        self._view.take_missions(decode_json(payload, list[MissionState]))
+    def _update_missions(self, _parts: list[str], payload: bytes) -> None:
+        """Update the missions that can be started."""
+        self._view.update_missions(decode_json(payload, list[MissionState]))
 
-    def _take_run(self, _parts: list[str], payload: bytes) -> None:
-        """Take a run of a mission."""
-        self._view.take_run(decode_json(payload, RunState))
+    def _update_run(self, _parts: list[str], payload: bytes) -> None:
+        """Update a run of a mission."""
+        self._view.update_run(decode_json(payload, RunState))
 
-    def _take_pose(self, parts: list[str], payload: bytes) -> None:
-        """Take the pose of a robot."""
+    def _update_pose(self, parts: list[str], payload: bytes) -> None:
+        """Update the pose of a robot."""
         report = decode_report(PoseReport.channel, payload)
         if isinstance(report, PoseReport):
-            self._view.take_pose(parts[1], report)
+            self._view.update_pose(parts[1], report)

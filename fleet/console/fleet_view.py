@@ -108,8 +108,8 @@ class FleetView:
         entry = self._entries[kind].get(name)
         return None if entry is None else entry[1]
 
-    def take_state(self, state: RobotState, now: float) -> None:
-        """Take a robot's state, unless it is older than the known one."""
+    def update_state(self, state: RobotState, now: float) -> None:
+        """Update a robot's state, unless it is older than the known one."""
         name = id_of(state.edge, state.name)
         known = self.states.get(name)
         if known is not None and state.stamp < known.stamp:
@@ -130,8 +130,8 @@ class FleetView:
             self._health[name] = known = (how, state.stamp)
         return known[1]
 
-    def take_edge(self, state: EdgeState, now: float) -> None:
-        """Take an edge's own state."""
+    def update_edge(self, state: EdgeState, now: float) -> None:
+        """Update an edge's own state."""
         known = self.edges.get(state.edge)
         if known is None or state.stamp >= known.stamp:
             self.edges[state.edge] = state
@@ -150,8 +150,8 @@ class FleetView:
         entry = {"edge": edge, "alive": self._alive.get(edge, False), "problem": self._problems.get(edge, "")}
         self.put("edges", edge, {"heard": round(now, 1)} | shown | entry)
 
-    def take_pose(self, twin: str, pose: PoseReport) -> None:
-        """Take the pose of a robot."""
+    def update_pose(self, twin: str, pose: PoseReport) -> None:
+        """Update the pose of a robot."""
         name = self._by_twin.get(twin)
         if name is not None:
             self.put("poses", name, self.shown_pose(name, pose))
@@ -167,35 +167,35 @@ class FleetView:
             at, yaw = placement.to_site(at), wrap_angle(yaw + placement.yaw)
         return [*_rounded((at.x, at.y, at.z, yaw)), placement is not None]
 
-    def take_goals(self, edge: str, goals: Goals) -> None:
-        """Take the goals of the robots of an edge."""
+    def update_goals(self, edge: str, goals: Goals) -> None:
+        """Update the goals of the robots of an edge."""
         for entry in goals.robots:
             name = id_of(edge, entry.robot.name)
             route = [list(_rounded((point.x, point.y, point.z))) for point in entry.robot.route]
             if route or self.get("goals", name) is not None:
                 self.put("goals", name, route)
 
-    def take_description(self, edge: str, description: RobotDescription) -> None:
-        """Take a robot's vocabulary, and whether it would accept each command now."""
+    def update_description(self, edge: str, description: RobotDescription) -> None:
+        """Update a robot's vocabulary, and whether it would accept each command now."""
         self.put("descriptions", id_of(edge, description.robot), msgspec.to_builtins(description))
 
-    def take_stop(self, request: str, shown: Mapping[str, object]) -> None:
-        """Take the progress of a stop; the oldest stops are removed."""
+    def update_stop(self, request: str, shown: Mapping[str, object]) -> None:
+        """Update the progress of a stop; the oldest stops are removed."""
         self.put("stops", request, dict(shown))
         self._keep("stops", MOST_STOPS)
 
-    def take_run(self, run: RunState) -> None:
-        """Take a run of a mission; those with the oldest change are removed."""
+    def update_run(self, run: RunState) -> None:
+        """Update a run of a mission; those with the oldest change are removed."""
         self.put("runs", f"{run.edge}/{run.run}", msgspec.to_builtins(run))
         self._keep("runs", MOST_RUNS)
 
-    def take_schedules(self, edge: str, schedules: Iterable[ScheduleState]) -> None:
-        """Take all schedules of an edge."""
+    def update_schedules(self, edge: str, schedules: Iterable[ScheduleState]) -> None:
+        """Update all schedules of an edge."""
         shown = {each.name: {"edge": edge, **msgspec.to_builtins(each)} for each in schedules}
         self._replace("schedules", edge, shown)
 
-    def take_missions(self, missions: Iterable[MissionState]) -> None:
-        """Take all missions of one or more edges; those of others stay as they are."""
+    def update_missions(self, missions: Iterable[MissionState]) -> None:
+        """Update all missions of one or more edges; those of others stay as they are."""
         by_edge: dict[str, dict[str, Any]] = {}
         for each in missions:
             by_edge.setdefault(each.edge, {})[each.name] = msgspec.to_builtins(each)

@@ -65,7 +65,7 @@ class Hub:
     def update(self) -> None:
         """Update the view, and wake the pages."""
         self._count += 1
-        self.edges.take()
+        self.edges.apply_received()
         self._updates.clear()
         watched = {tab.watched for tab in self.tabs} - {""}
         self.edges.watched.watch(watched)

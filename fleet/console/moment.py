@@ -40,7 +40,7 @@ def moment(at: float, found: Iterable[ReadMessage], track: Iterable[ReadMessage]
     # States first: a pose is shown in the frame given by its robot's state.
     ordered = sorted(found, key=lambda each: (each.schema != _STATE, each.received))
     for message in ordered:
-        shown.take(message)
+        shown.apply(message)
     recorded = max((each.received for each in ordered), default=0.0)
     return {"at": at, "recorded": recorded, **shown.entries(), "tracks": shown.tracks(track)}
 
@@ -65,8 +65,8 @@ class _Shown:
             "foxglove.JointStates": self._joints,
         }
 
-    def take(self, message: ReadMessage) -> None:
-        """Take a message; an unreadable one is logged and skipped."""
+    def apply(self, message: ReadMessage) -> None:
+        """Apply a message; an unreadable one is logged and skipped."""
         try:
             self._takers[message.schema](message)
         except _BROKEN as error:
@@ -92,13 +92,13 @@ class _Shown:
         return tracks
 
     def _state(self, message: ReadMessage) -> None:
-        """Take the state of a robot."""
-        self._view.take_state(decode_json(message.data, RobotState), message.received)
+        """Apply the state of a robot."""
+        self._view.update_state(decode_json(message.data, RobotState), message.received)
         self._hear(message)
 
     def _edge(self, message: ReadMessage) -> None:
-        """Take the state of an edge."""
-        self._view.take_edge(decode_json(message.data, EdgeState), message.received)
+        """Apply the state of an edge."""
+        self._view.update_edge(decode_json(message.data, EdgeState), message.received)
         self._hear(message)
 
     def _hear(self, message: ReadMessage) -> None:
@@ -106,40 +106,40 @@ class _Shown:
         self._heard[message.edge] = max(message.received, self._heard.get(message.edge, 0.0))
 
     def _run(self, message: ReadMessage) -> None:
-        """Take a run of a mission; the newest comes last."""
-        self._view.take_run(decode_json(message.data, RunState))
+        """Apply a run of a mission; the newest comes last."""
+        self._view.update_run(decode_json(message.data, RunState))
 
     def _event(self, message: ReadMessage) -> None:
-        """Take an event."""
+        """Apply an event."""
         self._events.append(decode_json(message.data, Record))
 
     def _places(self, message: ReadMessage) -> None:
-        """Take the goals of an edge's robots, unless they are outdated."""
+        """Apply the goals of an edge's robots, unless they are outdated."""
         if self._at - message.received <= SILENT:
-            self._view.take_goals(message.edge, decode_json(message.data, Goals))
+            self._view.update_goals(message.edge, decode_json(message.data, Goals))
 
     def _description(self, message: ReadMessage) -> None:
-        """Take the fence and the body of a robot."""
-        self._view.take_description(message.edge, decode_json(message.data, RobotDescription))
+        """Apply the fence and the body of a robot."""
+        self._view.update_description(message.edge, decode_json(message.data, RobotDescription))
 
     def _schedules(self, message: ReadMessage) -> None:
-        """Take the schedules of an edge."""
-        self._view.take_schedules(message.edge, decode_json(message.data, ScheduleAnswer).schedules)
+        """Apply the schedules of an edge."""
+        self._view.update_schedules(message.edge, decode_json(message.data, ScheduleAnswer).schedules)
 
     def _pose(self, message: ReadMessage) -> None:
-        """Take the position and attitude of a robot."""
+        """Apply the position and attitude of a robot."""
         name = id_of(message.edge, message.robot)
         report = _pose_in(message)
         if report is not None and name in self._view.states:
             self._view.put("poses", name, self._view.shown_pose(name, report))
-            self._take_numbers(message)
+            self._add_numbers(message)
 
     def _joints(self, message: ReadMessage) -> None:
-        """Take the joint positions of a robot, unless they are outdated."""
+        """Apply the joint positions of a robot, unless they are outdated."""
         if self._at - message.received <= SILENT:
-            self._take_numbers(message)
+            self._add_numbers(message)
 
-    def _take_numbers(self, message: ReadMessage) -> None:
+    def _add_numbers(self, message: ReadMessage) -> None:
         """Add the numbers of a report."""
         name = id_of(message.edge, message.robot)
         known = self._view.get("numbers", name) or {}

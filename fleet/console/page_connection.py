@@ -120,7 +120,7 @@ class Tab:
             if message["type"] == "websocket.disconnect":
                 return
             try:
-                await self._take(read_requested(message.get("text") or message.get("bytes") or b""))
+                await self._begin_request(read_requested(message.get("text") or message.get("bytes") or b""))
             except WireError as error:
                 bad += 1
                 await self._tell("", "", {"status": "rejected", "reason": f"it cannot be read: {error}"})
@@ -128,7 +128,7 @@ class Tab:
                     await self._socket.close(UNREADABLE)
                     return
 
-    async def _take(self, requested: PageRequest) -> None:
+    async def _begin_request(self, requested: PageRequest) -> None:
         """Begin a request, if this operator has the permission."""
         if isinstance(requested, PagePingRequest):
             await self._send(msgspec.json.encode({"type": "pong", "number": requested.number}))
@@ -230,7 +230,7 @@ class Tab:
         """Change a schedule."""
         bus_sessions = list(self._hub.edges.bus_sessions().values())
         found = await asyncio.to_thread(schedules.change, requested, bus_sessions, self._operator)
-        self._hub.view.take_schedules(requested.edge, found)
+        self._hub.view.update_schedules(requested.edge, found)
         await self._tell(requested.request, "", {"status": "accepted", "done": True})
 
 

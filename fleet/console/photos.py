@@ -17,7 +17,7 @@ class Photos:
     def __init__(self) -> None:
         self._newest: dict[str, PhotoReport] = {}
 
-    def take(self, robot: str, sample: bytes) -> dict[str, object] | None:
+    def store(self, robot: str, sample: bytes) -> dict[str, object] | None:
         """Store a picture; return its description for pages, None for an invalid or older one."""
         if len(sample) > 2 * LARGEST:  # base64 in JSON
             return None

@@ -74,7 +74,7 @@ def read_series(requested: PageSeriesRequest, window: Window, spent: Callable[[]
     for part in parts:
         if spent() - started > MOST_SPENT:
             break
-        found.take(window.read(part, found.wants))
+        found.add(window.read(part, found.wants))
         count += 1
     share = count / len(parts) if parts else 1.0
     return {**found.fields(), "share": share, "problems": [*window.all_problems(), *found.problems()]}
@@ -98,8 +98,8 @@ class _FoundNumbers:
         source = recorded_source(channel.topic, channel.schema)
         return source in self._sources or (bool(source) and self._samples[channel.topic] < SAMPLES)
 
-    def take(self, messages: Iterable[ReadMessage]) -> None:
-        """Take the numbers of messages."""
+    def add(self, messages: Iterable[ReadMessage]) -> None:
+        """Add the numbers of messages."""
         for message in messages:
             self._samples[message.topic] += 1
             try:

@@ -142,7 +142,7 @@ class StopTracker:
             return {"request": request, **known}
         meant = target.robots or tuple(self._view.states)
         record = StopRecord(by, why, target, meant, self._clock.monotonic())
-        self._view.take_stop(request, record.shown())
+        self._view.update_stop(request, record.shown())
         parameters = parameters_of(by, why, request)
         requested = [
             self._request_edge(record, bus_session, edge, names, parameters)
@@ -151,7 +151,7 @@ class StopTracker:
         ]
         supervised = self._request_supervisors(record, target, why, request)
         await asyncio.gather(*requested, supervised)
-        self._view.take_stop(request, record.shown())
+        self._view.update_stop(request, record.shown())
         task = asyncio.create_task(self._follow(record, request), name=f"stop:{request}")
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
@@ -226,11 +226,11 @@ class StopTracker:
                 if state is not None:
                     seen = stop_outcome(state, first.setdefault(robot, state.stamp))
                     record.observe(robot, seen, now)
-                    self._view.take_state(state, now)
-            self._view.take_stop(request, record.shown())
+                    self._view.update_state(state, now)
+            self._view.update_stop(request, record.shown())
             await asyncio.sleep(POLL_INTERVAL)
         record.close()
-        self._view.take_stop(request, record.shown())
+        self._view.update_stop(request, record.shown())
 
     async def _state(self, robot: str) -> RobotState | None:
         """Query the present state of a robot; None without an answer."""

@@ -47,8 +47,8 @@ class VideoOffers:
         finally:
             del self._waiting[robot]
 
-    def take(self, robot: str, sample: bytes) -> None:
-        """Take an offer from the bus; one without a waiting page, or an unreadable one, is ignored."""
+    def receive(self, robot: str, sample: bytes) -> None:
+        """Receive an offer from the bus; one without a waiting page, or an unreadable one, is ignored."""
         waiting = self._waiting.get(robot)
         if waiting is None or waiting.done() or len(sample) > LARGEST:
             return

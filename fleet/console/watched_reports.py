@@ -80,16 +80,16 @@ class WatchedReports:
             on_end=lambda: None,
         )
 
-    def take(self) -> None:
-        """Take the received numbers and pictures into the view."""
+    def apply_received(self) -> None:
+        """Apply the received numbers and pictures to the view."""
         with self._lock:
             arrived, self._arrived = self._arrived, {}
         found: dict[str, dict[str, float]] = {}
         for (robot, key), sample in arrived.items():
             if robot in self._watched and key.endswith(f"/{PhotoReport.channel}"):
-                self._take_photo(robot, sample)
+                self._update_photo(robot, sample)
             elif robot in self._watched and key.endswith(f"/{LOCAL_OFFER}"):
-                self.offers.take(robot, sample)
+                self.offers.receive(robot, sample)
             elif robot in self._watched:
                 found.setdefault(robot, {}).update(numbers_in(key, sample))
         for robot in self._watched:
@@ -99,9 +99,9 @@ class WatchedReports:
             if numbers != known:
                 self._view.put("numbers", robot, numbers)
 
-    def _take_photo(self, robot: str, sample: bytes) -> None:
-        """Take a picture; a page loads it when it learns of it."""
-        photo = self.photos.take(robot, sample)
+    def _update_photo(self, robot: str, sample: bytes) -> None:
+        """Store a picture; a page loads it when it learns of it."""
+        photo = self.photos.store(robot, sample)
         if photo is not None:
             self._view.put("photos", robot, photo)
 

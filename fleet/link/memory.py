@@ -37,7 +37,7 @@ class MemoryLink:
         self.stats.sent += 1
         if (note := self._tap.note) is not None:
             note("out", data)
-        self._robot.take(data)
+        self._robot.receive(data)
         return True
 
     def arrive(self, data: bytes) -> None:
@@ -97,7 +97,7 @@ class MemoryRobot:
         self._link = link
         self.opened += 1
 
-    def take(self, data: bytes) -> None:
+    def receive(self, data: bytes) -> None:
         """Receive bytes from the host, and respond."""
         self.heard.append(data)
         response = self._answer(data) if self._answer else b""

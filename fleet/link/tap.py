@@ -103,7 +103,7 @@ class FrameTap:
                 tap.redactions[direction] = redact
         self._links.add(tap)
         if self.is_on:
-            tap.note = partial(self._take, tap)
+            tap.note = partial(self._enqueue, tap)
             tap.note("open", b"")
         return tap
 
@@ -116,9 +116,9 @@ class FrameTap:
             self._waiting.clear()
             self._size = 0
         for tap in list(self._links):
-            tap.note = partial(self._take, tap) if on else None
+            tap.note = partial(self._enqueue, tap) if on else None
 
-    def _take(
+    def _enqueue(
         self,
         tap: LinkTap,
         direction: Direction,

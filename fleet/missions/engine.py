@@ -130,7 +130,7 @@ class Engine:
 
     def _facts(self, event: Facts) -> None:
         """Update what is known of a robot; progress extends the time limits of its active parts."""
-        before = self.seen.take(event)
+        before = self.seen.replace(event)
         if before is None or before.progress == event.progress or not event.progress:
             return
         for part in self.robots.active("do", "undo", "abort", "secure"):

@@ -19,7 +19,7 @@ class RobotFacts:
         self._facts: dict[str, Facts] = {}
         self._events: dict[tuple[str, str], float] = {}
 
-    def take(self, facts: Facts) -> Facts | None:
+    def replace(self, facts: Facts) -> Facts | None:
         """Store facts; return the previous ones."""
         before = self._facts.get(facts.robot)
         self._facts[facts.robot] = facts

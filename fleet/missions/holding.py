@@ -26,10 +26,10 @@ class _HoldRequest:
 
 
 class RequestedHolds:
-    """Tracks the answers of the robots of one run; ``take`` reports a robot that refuses to the run."""
+    """Tracks the answers of the robots of one run; ``handle`` reports a robot that refuses to the run."""
 
-    def __init__(self, take: Callable[[Pause], None], clock: Clock) -> None:
-        self._take = take
+    def __init__(self, handle: Callable[[Pause], None], clock: Clock) -> None:
+        self._handle = handle
         self._clock = clock
         self._requests: list[_HoldRequest] = []
         self.made = 0  # number of requests so far
@@ -79,7 +79,7 @@ class RequestedHolds:
         if hold.part.inflight:
             robot, what = hold.part.robot, "did not go on" if hold.resumes else "did not pause"
             request.refusals.append(f"{robot}: {reason}")
-            self._take(Pause(robot=robot, reason=f"{what}: {reason}"))
+            self._handle(Pause(robot=robot, reason=f"{what}: {reason}"))
 
     def _close(self, request: _HoldRequest) -> None:
         """Report the outcome when all have answered."""

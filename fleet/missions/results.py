@@ -62,7 +62,7 @@ class Results:
     def at(self, run: str, robot: str, position: Vector3 | None, now: float) -> None:
         """Record the position of a robot of a run; None if unknown."""
         track = self._tracks.setdefault((run, robot), _WaitingTrack())
-        if position is None or not track.takes(now):
+        if position is None or not track.admits(now):
             return
         track.waiting.append(f"{now:.1f},{position.x:.2f},{position.y:.2f},{position.z:.2f}\n")
         if len(track.waiting) >= WRITTEN_EVERY:
@@ -151,7 +151,7 @@ class _WaitingTrack:
         self._taken = 0
         self._next = 0.0
 
-    def takes(self, now: float) -> bool:
+    def admits(self, now: float) -> bool:
         """Return True if a point at this time belongs to the track."""
         if now < self._next:
             return False

@@ -156,7 +156,7 @@ def _lacks(
     if candidate.trouble or candidate.run:
         return candidate.trouble or f"it is in run {candidate.run}"
     seen = RobotFacts()
-    seen.take(candidate.facts)
+    seen.replace(candidate.facts)
     return seen.lacks(candidate.name, require)
 
 

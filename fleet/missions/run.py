@@ -117,12 +117,12 @@ class Run:
         self._head = b""
         self._sent: set[str] = set()
         self._membership = RunMembership(about.run, services.clock)
-        self.holding = RequestedHolds(self.take, services.clock)
+        self.holding = RequestedHolds(self.handle, services.clock)
         self.together = TogetherStep(
             services.together,
             Transport(about.transport),
             payload=self._payload,
-            take=self.take,
+            handle=self.handle,
             replied=self._replied,
         )
 
@@ -136,7 +136,7 @@ class Run:
         """Seconds of the run's clock."""
         return self._elapsed + self._services.clock.monotonic() - self._since
 
-    def take(self, event: RunEvent, *, new: bool = False) -> None:
+    def handle(self, event: RunEvent, *, new: bool = False) -> None:
         """Handle an event: record its changes, then execute its effects."""
         effects = self.engine.handle(event, self.now)
         self.together.follow(self.engine.head.phase)
@@ -169,21 +169,21 @@ class Run:
             self._look(member.robot)
         self.observe([member.robot for member in self.engine.robots.spares("all")])
         self.holding.expire()
-        self.take(Tick())
+        self.handle(Tick())
 
     def observe(self, robots: Iterable[str]) -> None:
         """Pass the facts of robots to the engine; robots that were removed from fleet.yaml are skipped."""
         for robot in robots:
             if robot in self._services.robots:
-                self.take(facts_of(self._services.robots[robot].state()))
+                self.handle(facts_of(self._services.robots[robot].state()))
 
     def _look(self, robot: str) -> None:
         """Pass the facts of a robot to the engine, and whether it has left the run."""
         state = self._services.robots[robot].state()
-        self.take(facts_of(state))
+        self.handle(facts_of(state))
         left = self._membership.leave_reason(state)
         if left is not None:
-            self.take(Left(robot, *left))
+            self.handle(Left(robot, *left))
 
     # -- effects ---------------------------------------------------------------------------------------
 
@@ -193,7 +193,7 @@ class Run:
             self._carry_out(effects)
             return
         self.engine.ending.close(RunOutcome.FAILED, f"it was not started: {self._services.store.problem}")
-        self.take(Tick())  # reports the end and releases the robots
+        self.handle(Tick())  # reports the end and releases the robots
 
     def _carry_out(self, effects: list[RunEffect]) -> None:
         """Execute the effects of a recorded event; on an unexpected error give the run up."""
@@ -213,7 +213,7 @@ class Run:
                 with contextlib.suppress(Exception):  # one robot's failure must not keep another moving
                     self._request(member.robot, "command", {"command": "stop"}, "")
         self.engine.ending.close(RunOutcome.UNKNOWN, f"the edge failed: {reason}")
-        self.take(Tick())  # records the end and releases the robots
+        self.handle(Tick())  # records the end and releases the robots
 
     def _follow(self, effect: RunEffect) -> None:
         """Execute one effect."""
@@ -251,13 +251,13 @@ class Run:
         state = self._services.robots[robot].state()
         left = self._membership.leave_reason(state)
         if left is not None:
-            self.take(Left(robot, *left))
+            self.handle(Left(robot, *left))
             return
         try:
             kind, message = message_of(act, identity, state, self._services.site)
         except Refused as error:
             refusal = Replied(identity, PartOutcome.REFUSED, error.reason)
-            self.take(RobotPrepared(robot, error.reason) if prepares else refusal)
+            self.handle(RobotPrepared(robot, error.reason) if prepares else refusal)
             return
         if prepares:
             self.together.prepare(robot, kind, message, identity)
@@ -298,7 +298,7 @@ class Run:
             return
         if outcome is not PartOutcome.DONE and part.inflight:
             self._look(part.robot)
-        self.take(Replied(part.identity, outcome, reply.reason))
+        self.handle(Replied(part.identity, outcome, reply.reason))
 
     def join(self, robot: str, answer: Callable[[Reply], None]) -> None:
         """Request a robot; until it is released it obeys no other sender's motion.
@@ -323,7 +323,7 @@ class Run:
     def _enlist(self, robot: str) -> None:
         """Request a spare; one that was removed from fleet.yaml is not asked."""
         if robot not in self._services.robots:
-            self.take(Enlisted(robot, "it was removed from fleet.yaml"))
+            self.handle(Enlisted(robot, "it was removed from fleet.yaml"))
             return
 
         def answered(reply: Reply) -> None:
@@ -331,7 +331,7 @@ class Run:
                 return
             if reply.ok and self.engine.over:  # it has joined a run that has ended meanwhile
                 self.leave(robot)
-            self.take(Enlisted(robot, "" if reply.ok else reply.reason or "it refused"))
+            self.handle(Enlisted(robot, "" if reply.ok else reply.reason or "it refused"))
 
         self.join(robot, answered)
 

@@ -49,7 +49,7 @@ class RunPlaces:
         self._missions[run.id] = run.about.mission
         claim = self._occupancy.claim_of(run.id)
         if claim is not None and claim.complete:
-            run.take(PlaceOccupied())
+            run.handle(PlaceOccupied())
         elif claim is None:
             self._request(run.id, run.engine.program, run.engine.head.until - run.now)
         self._notify_waiting()
@@ -108,7 +108,7 @@ class RunPlaces:
             words = f"{place}, which {self._names(self._occupancy.held(place))}"
             run = self._run_of(claim.holder)
             if run is not None and run.engine.head.waits_for != words:
-                run.take(PlaceOccupied(words))
+                run.handle(PlaceOccupied(words))
 
     def _names(self, holders: Iterable[str]) -> str:
         """Describe the holders of a place."""
@@ -119,7 +119,7 @@ class RunPlaces:
         """Inform a run; one that is not in progress yet requests its places again later."""
         found = self._run_of(run)
         if found is not None:
-            found.take(event)
+            found.handle(event)
 
 
 def _wanted(program: Program) -> dict[str, int]:

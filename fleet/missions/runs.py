@@ -259,7 +259,7 @@ class Runs:
         danger = not_kept_apart(states, self._edge_of)
         if danger:
             run.engine.robots.note(danger)
-        run.take(Start(), new=True)
+        run.handle(Start(), new=True)
         began(run.id, roles, "")
 
     # -- progress and control --------------------------------------------------------------------------
@@ -300,13 +300,13 @@ class Runs:
         for run in list(self._runs.values()):
             robots = tuple(robot for robot in run.engine.robots.members if not plain or robot in plain)
             if robots:
-                run.take(StopAll(robots, reason))
+                run.handle(StopAll(robots, reason))
 
     def handle_event(self, robot: str, event: str) -> None:
         """Handle an event of a robot; on the loop."""
         for run in list(self._runs.values()):
             if robot in run.engine.robots.members:
-                run.take(RobotEvent(robot, event))
+                run.handle(RobotEvent(robot, event))
 
     # -- after a restart -------------------------------------------------------------------------------
 
@@ -338,8 +338,8 @@ class Runs:
         self._runs[run.id] = run
         run.observe(list(run.engine.robots.members))
         for robot, why in refused.items():
-            run.take(Left(robot, PartOutcome.LOST, why))
-        run.take(Restarted())
+            run.handle(Left(robot, PartOutcome.LOST, why))
+        run.handle(Restarted())
 
 
 def _control(found: Run, request: RunControlRequest) -> str:
@@ -348,13 +348,13 @@ def _control(found: Run, request: RunControlRequest) -> str:
         question = found.engine.head.question
         if question is None or (request.question and question.id != request.question):
             return "it asks nothing" if question is None else "it asks something else by now"
-        found.take(PersonAnswer(question.id, request.goes_on, request.session_id))
+        found.handle(PersonAnswer(question.id, request.goes_on, request.session_id))
         return ""
     before = found.engine.head.phase
     unpausable = found.together.unpausable(before) if request.do == "pause" else ""
     if unpausable:
         return unpausable
-    found.take(_CONTROLS[request.do](request.session_id))
+    found.handle(_CONTROLS[request.do](request.session_id))
     question = found.engine.head.question
     if found.engine.head.phase is before:
         return question.text if question else f"not possible while it is {before.value}"

@@ -40,7 +40,7 @@ class Spares:
                 return True
         return False
 
-    def take(self, event: Enlisted, now: float) -> bool:
+    def handle(self, event: Enlisted, now: float) -> bool:
         """Handle a spare's answer; return True if the run continues, with or without it."""
         if self._head.phase is not Phase.FILLING or event.robot != self._head.enlists:
             if not event.refusal and not self._robots.members[event.robot].ours:

@@ -114,7 +114,7 @@ class StepRunner:
 
     def handle_spare_answer(self, event: Enlisted) -> None:
         """Handle the answer of a spare, and continue."""
-        if self.spares.take(event, self.losses.now):
+        if self.spares.handle(event, self.losses.now):
             self.run_until_wait()
 
     def occupy(self) -> None:

@@ -34,7 +34,7 @@ class Together(Protocol):
 
 
 class TogetherStep:
-    """Prepares and begins such steps. ``take`` receives events, ``replied`` the outcome of an identity."""
+    """Prepares and begins such steps. ``handle`` receives events, ``replied`` the outcome of an identity."""
 
     def __init__(
         self,
@@ -42,13 +42,13 @@ class TogetherStep:
         transport: Transport,
         *,
         payload: Callable[[dict[str, Any]], bytes],
-        take: Callable[[RunEvent], None],
+        handle: Callable[[RunEvent], None],
         replied: Callable[[str, Reply], None],
     ) -> None:
         self._new = new
         self._transport = transport
         self._payload = payload
-        self._take = take
+        self._handle = handle
         self._replied = replied
         self._start: Together | None = None
         self._step = ""
@@ -71,7 +71,7 @@ class TogetherStep:
             nonlocal first
             if first:
                 first = False
-                self._take(RobotPrepared(robot, "" if reply.ok else reply.reason or "it refused"))
+                self._handle(RobotPrepared(robot, "" if reply.ok else reply.reason or "it refused"))
             else:
                 self._unconfirmed.pop(identity, None)
                 self._replied(identity, reply)
@@ -89,12 +89,12 @@ class TogetherStep:
             self._start.begin([part.robot for part in parts], partial(self._not_started, step))
             return
         self.withdraw()
-        self._take(NotStarted(step, "a robot left the run meanwhile"))
+        self._handle(NotStarted(step, "a robot left the run meanwhile"))
 
     def _not_started(self, step: str, why: str) -> None:
         """Handle a failed start: no robot begins."""
         self._unconfirmed.clear()
-        self._take(NotStarted(step, why))
+        self._handle(NotStarted(step, why))
 
     def follow(self, phase: Phase) -> None:
         """Cancel the robots that have not started when the run leaves the step."""

@@ -135,10 +135,10 @@ class Request(msgspec.Struct, frozen=True):
     ``once``: the message is not part of a stream of setpoints, so its success is answered as well.
     """
 
-    take: Callable[[Answer], None]
+    handle: Callable[[Answer], None]
     stops: bool = False
     once: bool = False
 
     def __call__(self, answer: Answer) -> None:
         """Process the message; call it on the event loop."""
-        self.take(answer)
+        self.handle(answer)

@@ -124,15 +124,15 @@ class Occupancy:
         """Expire late claims and grant free places, until nothing changes; return the settled claims."""
         settled: list[Settled] = []
         waiting = [claim for claim in self.claims if not claim.complete or claim is new]
-        self._take()
+        self._grant_free()
         while late := [claim for claim in self.claims if not claim.complete and claim.until <= now]:
             settled += [self._late(claim) for claim in late]
             self.claims = [claim for claim in self.claims if claim not in late]
-            self._take()
+            self._grant_free()
         granted = [claim for claim in self.claims if claim.complete and claim in waiting]
         return settled + [Settled(claim.holder, ClaimVerdict.GRANTED) for claim in granted]
 
-    def _take(self) -> None:
+    def _grant_free(self) -> None:
         """Grant free places, the oldest claim first.
 
         One pass is enough: a grant frees nothing, so what an older claim could not get, it cannot get later.

@@ -94,10 +94,10 @@ class Chunks:
                     size = os.fstat(file.fileno()).st_size
                 if not 0 < length <= size - self._at:
                     return
-                self._take(file.fileno(), opcode, length, block[at + _RECORD.size :][: _CHUNK.size])
+                self._handle_record(file.fileno(), opcode, length, block[at + _RECORD.size :][: _CHUNK.size])
                 self._at += _RECORD.size + length
 
-    def _take(self, file: int, opcode: int, length: int, head: bytes) -> None:
+    def _handle_record(self, file: int, opcode: int, length: int, head: bytes) -> None:
         """Handle a record by the first bytes of its content."""
         if opcode == Opcode.CHUNK:
             begins, ends, _, _ = _CHUNK.unpack(head)

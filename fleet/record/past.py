@@ -134,11 +134,11 @@ class _Search:
                 return
             if chunk.begins <= self._until and chunk.channels & wanted:
                 self._chunks += 1
-                self._take(chunks, chunk, wanted)
+                self._add_chunk(chunks, chunk, wanted)
                 wanted = _mask(chunks, self._wants)
 
-    def _take(self, chunks: Chunks, chunk: Chunk, wanted: int) -> None:
-        """Take the wanted messages of a chunk, newest first."""
+    def _add_chunk(self, chunks: Chunks, chunk: Chunk, wanted: int) -> None:
+        """Add the wanted messages of a chunk, newest first."""
         for channel, message in reversed(_read(chunks, chunk, wanted, self._until)):
             if self._wants(channel):
                 self._topics.add(channel.topic)

@@ -21,7 +21,7 @@ AGAIN = 10.0  # s between retries of a failed disk
 
 
 class Recorder:
-    """Records the arguments of ``take`` and ``take_events``, from any thread; one thread calls ``write``.
+    """Records the arguments of ``add`` and ``add_events``, from any thread; one thread calls ``write``.
 
     ``problem``: why nothing is recorded, or what was lost; empty if all is well.
     """
@@ -40,12 +40,12 @@ class Recorder:
         self._not_before = float("-inf")
         self._path: Path | None = None
 
-    def take(self, edge: str, key: str, payload: bytes) -> None:
-        """Take a sample from the bus of an edge; an empty one is ignored."""
-        self.take_many(edge, ((key, payload),))
+    def add(self, edge: str, key: str, payload: bytes) -> None:
+        """Add a sample from the bus of an edge; an empty one is ignored."""
+        self.add_many(edge, ((key, payload),))
 
-    def take_many(self, edge: str, samples: Iterable[tuple[str, bytes]]) -> None:
-        """Take samples from the bus of an edge."""
+    def add_many(self, edge: str, samples: Iterable[tuple[str, bytes]]) -> None:
+        """Add samples from the bus of an edge."""
         with self._lock:
             for key, payload in samples:
                 if self._waiting + len(payload) > MOST_WAITING:
@@ -54,8 +54,8 @@ class Recorder:
                     self._waiting += len(payload)
                     self._samples.append((self._now(), edge, key, payload))
 
-    def take_events(self, edge: str, events: list[Record]) -> None:
-        """Take events of an edge's history."""
+    def add_events(self, edge: str, events: list[Record]) -> None:
+        """Add events of an edge's history."""
         with self._lock:
             self._events += [(self._now(), edge, event) for event in events]
 

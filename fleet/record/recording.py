@@ -96,11 +96,11 @@ class _EdgeSubscriptions:
         """Subscribe on the bus of an edge, after querying whose the twins are; blocks."""
         for key in requested_first(edge):
             for answered, data in bus.control.request(key, b"", timeout=ANSWER_WITHIN):
-                self._recorder.take(edge, answered, data)
+                self._recorder.add(edge, answered, data)
         for key in published(edge):
-            bus.control.subscribe(key, partial(self._recorder.take, edge))
+            bus.control.subscribe(key, partial(self._recorder.add, edge))
         for key in (REPORTS, keys.frames(edge, "*")):
-            bus.reports.gather(key, partial(self._recorder.take_many, edge))
+            bus.reports.gather(key, partial(self._recorder.add_many, edge))
 
     def request(self, edge: str, control: ZenohSession) -> None:
         """Query the newest events of an edge, and periodically the values that rarely change."""
@@ -118,7 +118,7 @@ class _EdgeSubscriptions:
                 requested,
                 payload,
                 timeout=ANSWER_WITHIN,
-                on_answer=partial(self._recorder.take, edge, key),
+                on_answer=partial(self._recorder.add, edge, key),
                 on_end=lambda: None,
             )
 
@@ -159,7 +159,7 @@ class _HistoryReader:
             return
         with self._lock:
             marks = [(msgspec.json.encode((edge, event)), event) for event in events]
-            self._recorder.take_events(edge, [event for mark, event in marks if mark not in self._seen])
+            self._recorder.add_events(edge, [event for mark, event in marks if mark not in self._seen])
             kept = {mark: at for mark, at in self._seen.items() if requested - at < 10 * OVERLAP}
             self._seen = kept | dict.fromkeys((mark for mark, _ in marks), requested)
             self._until[edge] = requested

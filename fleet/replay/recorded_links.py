@@ -61,7 +61,7 @@ class RecordedLinks:
         link = self._open[url] = RecordedLink(url, receiver)
         return link
 
-    def take(self, url: str, frame: LinkFrame) -> None:
+    def deliver(self, url: str, frame: LinkFrame) -> None:
         """Deliver a received frame; when a link was reopened in the recording, end it first."""
         link = self._open.get(url)
         if link is not None and frame.direction == "in":

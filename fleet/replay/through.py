@@ -115,7 +115,7 @@ class _RobotReplay:
             if isinstance(event, str):
                 self._robot.at(event)
             else:
-                self._links.take(*event)
+                self._links.deliver(*event)
                 if event[1].direction == "open":
                     await _turns()
         await asyncio.sleep(0)

@@ -73,7 +73,7 @@ class Agent:
         self._gone_since: float | None = None  # monotonic
         self._actions = {
             AgentAction.REST: self._rest,
-            AgentAction.TAKE: self._take,
+            AgentAction.TAKE: self._install,
             AgentAction.GO_ON: self._go_on,
             AgentAction.RETURN: self._withdraw,
             AgentAction.GO_ON_BACK: self._go_on_back,
@@ -107,7 +107,7 @@ class Agent:
     async def _rest(self, desired: DesiredState | None) -> None:
         """Do nothing."""
 
-    async def _take(self, desired: DesiredState | None) -> None:
+    async def _install(self, desired: DesiredState | None) -> None:
         """Fetch, check and activate a bundle; nothing changes before every check has passed."""
         assert desired is not None
         self._keep(

@@ -38,9 +38,9 @@ class Installation:
         self.folder = folder
         self._lock = FileLock(folder / STATE)
 
-    def take(self) -> None:
+    def lock(self) -> None:
         """Lock the folder for this process; raises StateTaken if another process holds the lock."""
-        self._lock.take()
+        self._lock.acquire()
 
     def release(self) -> None:
         """Unlock the folder."""

@@ -103,7 +103,7 @@ class SpoolDisk:
         """Create the folder and lock it, unless done; raises StateError, StateTaken."""
         if self._lock is None:
             lock = FileLock(create_folder(self._path.parent) / SPOOL)
-            lock.take()
+            lock.acquire()
             self._lock = lock
 
     def _open_store(self) -> bool:

@@ -73,7 +73,7 @@ def in_use(folder: Path) -> bool:
         return False
     lock = FileLock(folder / SPOOL)
     try:
-        lock.take()
+        lock.acquire()
     except StateTaken:
         return True
     except StateError:  # the lock's file does not exist and does not fit on a full disk: unused
@@ -90,7 +90,7 @@ def purge(folder: Path) -> int:
     if not (folder / SPOOL).exists():
         return 0
     lock = FileLock(folder / SPOOL)
-    lock.take()
+    lock.acquire()
     try:
         with _opened(folder, mode="rw") as database:
             deleted = database.execute("DELETE FROM message").rowcount

@@ -46,14 +46,14 @@ def create_folder(folder: Path) -> Path:
 
 
 class FileLock:
-    """Exclusive lock of a file, from ``take`` until ``release`` or the end of the process."""
+    """Exclusive lock of a file, from ``acquire`` until ``release`` or the end of the process."""
 
     def __init__(self, path: Path) -> None:
         self._path = path.with_name(path.name + ".lock")
         self._file: int | None = None
 
-    def take(self, *, wait: bool = False) -> None:
-        """Take the lock and write our process id into its file; raises StateTaken if it is held.
+    def acquire(self, *, wait: bool = False) -> None:
+        """Acquire the lock and write our process id into its file; raises StateTaken if it is held.
 
         Raises StateError when the lock's file cannot be opened.
         """
@@ -87,13 +87,13 @@ def locked(path: Path, *, within: float = math.inf) -> Iterator[None]:
     """Hold the lock of a file during a ``with`` block, after waiting for its holder.
 
     Raises StateTaken when another process holds it for more than ``within`` seconds, and the errors of
-    ``FileLock.take``.
+    ``FileLock.acquire``.
     """
     lock = FileLock(path)
     end = time.monotonic() + within
     while True:
         try:
-            lock.take(wait=within == math.inf)
+            lock.acquire(wait=within == math.inf)
             break
         except StateTaken:
             if time.monotonic() >= end:

@@ -206,11 +206,11 @@ class SupervisorClient:
                     self._end("the supervisor is gone")
                 return
             try:
-                self._take(protocol.decode(data))
+                self._handle(protocol.decode(data))
             except Exception:  # go on: the next message may be a stop
                 log.exception("a message of the supervisor could not be handled")
 
-    def _take(self, message: SupervisorMessage) -> None:
+    def _handle(self, message: SupervisorMessage) -> None:
         """Handle a message."""
         match message:
             case StopRequest():

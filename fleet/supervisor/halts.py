@@ -81,10 +81,10 @@ class ProcessHalts:
     def apply(
         self, message: RegisterHalt | UnregisterHalt | WriteUntil, descriptors: list[int]
     ) -> HaltRegistered | HaltUnregistered | None:
-        """Apply a message of the process and return the answer. Raises OSError like ``take``."""
+        """Apply a message of the process and return the answer. Raises OSError like ``register``."""
         match message:
             case RegisterHalt():
-                self.take(message.robot, message.frames, message.address, descriptors)
+                self.register(message.robot, message.frames, message.address, descriptors)
                 return HaltRegistered(message.number)
             case UnregisterHalt():
                 self.drop(message.robot)
@@ -98,7 +98,9 @@ class ProcessHalts:
         self.drop(robot)
         self._kept[robot] = halt
 
-    def take(self, robot: str, frames: tuple[bytes, ...], address: Address, descriptors: list[int]) -> None:
+    def register(
+        self, robot: str, frames: tuple[bytes, ...], address: Address, descriptors: list[int]
+    ) -> None:
         """Keep a robot's halt for the link that came with it, the last of ``descriptors``; raises OSError."""
         if not descriptors:
             raise OSError(errno.EBADF, f"the link of {robot} did not come with its halt")

@@ -279,7 +279,7 @@ class Supervisor:
             return
         peer.heard = self._clock.monotonic()
         try:
-            self._take(peer, protocol.decode(data), descriptors)
+            self._handle(peer, protocol.decode(data), descriptors)
         except (msgspec.DecodeError, OSError) as error:
             if isinstance(error, msgspec.DecodeError) and not _has_robots(peer):  # it may be a stop
                 self._stop(peer, StopRequest(why="a message to the supervisor could not be read"))
@@ -288,7 +288,7 @@ class Supervisor:
             with contextlib.suppress(OSError):
                 os.close(descriptor)
 
-    def _take(self, peer: _Peer, message: SupervisorMessage, descriptors: list[int]) -> None:
+    def _handle(self, peer: _Peer, message: SupervisorMessage, descriptors: list[int]) -> None:
         """Handle a message; raises OSError for a link that cannot be kept."""
         match message:
             case Hello():

@@ -109,11 +109,11 @@ class _VideoProgram:
         await self._sender.stop()
         self.publish_state()
 
-    def _on_loop(self, take: Callable[..., Coroutine[object, object, None]]) -> Callable[..., None]:
+    def _on_loop(self, handle: Callable[..., Coroutine[object, object, None]]) -> Callable[..., None]:
         """Return a callback for Zenoh's threads that runs ``take`` on the event loop."""
 
         def begin(*arguments: object) -> None:
-            task = self._loop.create_task(take(*arguments))
+            task = self._loop.create_task(handle(*arguments))
             self._tasks.add(task)
             task.add_done_callback(self._tasks.discard)
 

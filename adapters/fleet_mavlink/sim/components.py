@@ -145,7 +145,7 @@ class RemoteIdTransmitter(Component):
         bad = mav.MAV_ODID_ARM_STATUS_PRE_ARM_FAIL_GENERIC
         status = bad if missing_data else mav.MAV_ODID_ARM_STATUS_GOOD_TO_ARM
         message = mav.MAVLink_open_drone_id_arm_status_message(status, missing_data.encode())
-        known.take_arm_status(message, now)
+        known.handle_arm_status(message, now)
         return [message]
 
 

@@ -29,7 +29,7 @@ class SimRemoteId:
         self._lost_transmitter_at: float | None = None
         self._lost_operator_at: float | None = None
 
-    def take(self, message: Any, now: float) -> None:
+    def handle_message(self, message: Any, now: float) -> None:
         """Process a message of a station."""
         name = message.get_type().removeprefix("OPEN_DRONE_ID_")
         if name == "BASIC_ID" and message.id_type == mav.MAV_ODID_ID_TYPE_NONE:
@@ -42,7 +42,7 @@ class SimRemoteId:
             self.heard["SYSTEM"] = now  # counts only after a complete SYSTEM
         self.heard[name] = now
 
-    def take_arm_status(self, message: Any, now: float) -> None:
+    def handle_arm_status(self, message: Any, now: float) -> None:
         """Process the transmitter's arm status, which is received on its own port only."""
         self.arm_status, self.arm_status_at = message, now
 

@@ -275,7 +275,7 @@ def _set_current(pilot: Autopilot, message: Any) -> Iterable[object]:
 def _remote_id(pilot: Autopilot, message: object) -> None:
     """Open Drone ID: processed only by an autopilot with a transmitter."""
     if pilot.equipment.remote_id is not None:
-        pilot.equipment.remote_id.take(message, pilot.time)
+        pilot.equipment.remote_id.handle_message(message, pilot.time)
 
 
 def _list_logs(pilot: Autopilot, message: object) -> Iterable[object]:

@@ -52,7 +52,7 @@ class RelaySender:
         self._cycle: list[RelayedFrame] = []
         self.dropped = 0
 
-    def take(self, captured: Captured) -> None:
+    def add(self, captured: Captured) -> None:
         """Add a frame to the cycle, if frames are wanted."""
         if self._wanted:
             data = captured.frame.packed()

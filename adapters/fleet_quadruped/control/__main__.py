@@ -90,7 +90,7 @@ def _run(plan: ControlPlan, clock: Clock) -> None:
                 name: stack.enter_context(_opened(name, url, body, clock)) for name, url in plan.buses.items()
             }
         relay = _relay(plan.relay, stack)
-        capture = Capture(buses, Path(plan.captures), clock, relay.take if relay else _discard)
+        capture = Capture(buses, Path(plan.captures), clock, relay.add if relay else _discard)
         stack.callback(capture.finish)
         buses = capture.buses
         controller = (

@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 
 
 class Controller:
-    """Controller of one robot: ``begin`` polls the drives, ``take`` receives, ``finish`` decides."""
+    """Controller of one robot: ``begin`` polls the drives, ``handle_frame`` receives, ``finish`` decides."""
 
     def __init__(self, dog: DogDescription, buses: Mapping[str, CanBus]) -> None:
         self.dog = dog
@@ -87,10 +87,10 @@ class Controller:
         """Begin a cycle: poll the drives."""
         self.drives.begin_cycle(now)
 
-    def take(self, bus: str, frame: CanFrame, now: float) -> None:
+    def handle_frame(self, bus: str, frame: CanFrame, now: float) -> None:
         """Process a received frame."""
-        if not self._sensors.take(bus, frame, now):
-            self.drives.take(bus, frame, now)
+        if not self._sensors.handle_frame(bus, frame, now):
+            self.drives.handle_frame(bus, frame, now)
 
     def finish(self, now: float, dt: float, order: Order) -> None:
         """End a cycle: decide from the received feedback, and write to the drives.

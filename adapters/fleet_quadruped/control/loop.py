@@ -49,7 +49,7 @@ class LoopController(Protocol):
     def begin(self, now: float) -> None:
         """Begin a cycle: request feedback."""
 
-    def take(self, bus: str, frame: CanFrame, now: float) -> None:
+    def handle_frame(self, bus: str, frame: CanFrame, now: float) -> None:
         """Process a received frame."""
 
     def complete(self) -> bool:
@@ -185,7 +185,7 @@ class ControlLoop:
             for name, bus in self._buses.items():
                 left = until - self._clock.monotonic()
                 for frame in bus.receive(0.0 if controller.complete() else max(0.0, min(left, _WAIT))):
-                    controller.take(name, frame, self._clock.monotonic())
+                    controller.handle_frame(name, frame, self._clock.monotonic())
             if controller.complete() or self._clock.monotonic() >= until or self._moved is not None:
                 return
 

@@ -44,7 +44,7 @@ class SensorValues:
         self._times: dict[int, float] = {}
         self.values: dict[str, float] = {}
 
-    def take(self, frame: CanFrame, now: float) -> None:
+    def handle_frame(self, frame: CanFrame, now: float) -> None:
         """Process one of ``frames`` (bus, id), received at ``now``."""
         found = self._decoder.decode(frame.id, frame.data)
         if not found or not self._is_possible(frame.id, found):
@@ -89,11 +89,11 @@ class BodySensors:
             for place in sensor.frames
         }
 
-    def take(self, bus: str, frame: CanFrame, now: float) -> bool:
+    def handle_frame(self, bus: str, frame: CanFrame, now: float) -> bool:
         """Process a received frame; False if it is not from a sensor."""
         sensor = self._by_frame.get((bus, frame.id))
         if sensor is not None:
-            sensor.take(frame, now)
+            sensor.handle_frame(frame, now)
         return sensor is not None
 
     def update(self, now: float) -> None:

@@ -25,7 +25,7 @@ class Answers:
         self.doubled = self.doubled or self._cycles >= _CERTAIN
         self.complete = self._differ = False
 
-    def take(self, data: bytes) -> None:
+    def add(self, data: bytes) -> None:
         """Process an answer."""
         if self.complete and data != self._data:
             self._differ = True

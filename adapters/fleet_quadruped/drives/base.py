@@ -107,7 +107,7 @@ class JointDrive(Protocol):
         Raises LinkRefused for a drive without such a limit.
         """
 
-    def take(self, bus: str, frame: CanFrame, now: float) -> None:
+    def handle_frame(self, bus: str, frame: CanFrame, now: float) -> None:
         """Process a frame received at ``now`` (monotonic s); frames of others are ignored."""
 
     def target(self, bus: str, frame: CanFrame) -> tuple[Joint, float] | None:

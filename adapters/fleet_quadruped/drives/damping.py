@@ -57,12 +57,12 @@ class DampingGroup(DriveGroup[DampingT], ABC):
 
     def __init__(self, dog: DogDescription, buses: Mapping[str, CanBus], drives: Sequence[DampingT]) -> None:
         super().__init__(dog, buses, drives)
-        self._requester = DriveRequester(buses, self.take)
+        self._requester = DriveRequester(buses, self.handle_frame)
         self._wanted = Power.DISABLED
         self._most: float | None = None  # torque limit, N m of a joint
 
     @abstractmethod
-    def take(self, bus: str, frame: CanFrame, now: float) -> None:
+    def handle_frame(self, bus: str, frame: CanFrame, now: float) -> None:
         """Process a received frame."""
 
     @abstractmethod

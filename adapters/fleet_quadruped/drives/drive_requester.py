@@ -27,11 +27,13 @@ RequestableT = TypeVar("RequestableT", bound=Requestable)
 
 
 class DriveRequester:
-    """Sends requests to drives; ``take`` is called with each frame received in the meantime."""
+    """Sends requests to drives; ``handle_frame`` is called with each frame received in the meantime."""
 
-    def __init__(self, buses: Mapping[str, CanBus], take: Callable[[str, CanFrame, float], None]) -> None:
+    def __init__(
+        self, buses: Mapping[str, CanBus], handle_frame: Callable[[str, CanFrame, float], None]
+    ) -> None:
         self._buses = buses
-        self._take = take
+        self._handle_frame = handle_frame
 
     def request(
         self,
@@ -60,5 +62,5 @@ class DriveRequester:
         for name, bus in self._buses.items():
             for frame in bus.receive(_WAIT):
                 heard = True
-                self._take(name, frame, 0.0)
+                self._handle_frame(name, frame, 0.0)
         return heard

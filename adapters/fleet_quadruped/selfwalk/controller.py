@@ -32,7 +32,7 @@ _STILL = Twist()
 
 
 class SelfWalkController:
-    """Controller of a self-walking machine: ``begin`` polls, ``take`` receives, ``finish`` decides."""
+    """Controller of a self-walking robot: ``begin`` polls, ``handle_frame`` receives, ``finish`` decides."""
 
     def __init__(self, walker: SelfWalker, buses: Mapping[str, CanBus]) -> None:
         self.walker = walker
@@ -90,9 +90,9 @@ class SelfWalkController:
         """Return True when all feedback of this cycle has arrived; an unpolled machine owes none."""
         return not self._wire.alive or self._telemetry.age(self._began) <= 0.0
 
-    def take(self, bus: str, frame: CanFrame, now: float) -> None:
+    def handle_frame(self, bus: str, frame: CanFrame, now: float) -> None:
         """Process a received frame."""
-        self._telemetry.take(bus, frame, now)
+        self._telemetry.handle_frame(bus, frame, now)
         node = self._wire.node
         if node is not None and frame.id == SDO_RESPONSE + node and frame.data[:1] == bytes([SDO_ABORT]):
             code = int.from_bytes(frame.data[4:8], "little")

@@ -31,11 +31,11 @@ class Telemetry:
         self._state = SensorValues(state)
         self._slow = SensorValues(slow) if slow else None
 
-    def take(self, bus: str, frame: CanFrame, now: float) -> None:
+    def handle_frame(self, bus: str, frame: CanFrame, now: float) -> None:
         """Process a received frame; frames of others are ignored."""
         for source in (self._state, self._slow):
             if source is not None and (bus, frame.id) in source.frames:
-                source.take(frame, now)
+                source.handle_frame(frame, now)
 
     def update(self, now: float, dt: float) -> None:
         """Update from the received values; stale ones change nothing."""

@@ -73,7 +73,7 @@ def _serve(sim: SimulatedMachine, buses: Mapping[str, OpenCanBus], clock: Clock,
     while True:
         for name, bus in buses.items():
             for frame in bus.receive(0.0005):
-                sim.take(name, frame)
+                sim.handle_frame(name, frame)
         behind = clock.monotonic() - began_at - sim.time
         if behind > _LATEST:
             log.warning("the simulated dog is %.2f s late and lets them go", behind)

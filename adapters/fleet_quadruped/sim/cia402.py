@@ -73,7 +73,7 @@ class SimDrive:
             wire.SYNC: self._sync,
             wire.HEARTBEAT + wire.MASTER: self._master,
             wire.RPDO1 + joint.id: self._target,
-            wire.SDO_REQUEST + joint.id: self.sdo.take,
+            wire.SDO_REQUEST + joint.id: self.sdo.handle_frame,
         }
         self.boot()
 

@@ -96,7 +96,7 @@ class SimDog:
         self._wires.faults.pop(name, None)
         self._sensors.faults.pop(name, None)
 
-    def take(self, bus: str, frame: CanFrame) -> None:
+    def handle_frame(self, bus: str, frame: CanFrame) -> None:
         """Process a frame sent to the robot."""
         if not self._wires.faults:
             self._deliver(bus, frame)

@@ -15,7 +15,7 @@ from fleet_quadruped.sim.world import KinematicWorld, World
 class FrameSink(Protocol):
     """A machine that receives frames."""
 
-    def take(self, bus: str, frame: CanFrame) -> None:
+    def handle_frame(self, bus: str, frame: CanFrame) -> None:
         """Process a frame sent to the machine."""
 
 
@@ -47,7 +47,7 @@ class SimBus:
         if self.cut or self._dog is None:
             return
         self.sent.append(frame)
-        self._dog.take(self.name, frame)
+        self._dog.handle_frame(self.name, frame)
 
     def receive(self, wait: float) -> list[CanFrame]:
         """Return the frames of the robot; waits for replies to another thread. Raises LinkLost if cut."""

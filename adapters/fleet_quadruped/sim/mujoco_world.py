@@ -119,11 +119,11 @@ class MujocoWorld:
         steps = int((self._rest + 1e-9) / STEP)
         if steps:
             self._rest -= steps * STEP
-            self._take_loads()
+            self._apply_loads()
             mujoco.mj_step(self._model, self.data, steps)
             self._imu = None
 
-    def _take_loads(self) -> None:
+    def _apply_loads(self) -> None:
         """Apply the motors' loads and their rates, and the gains if changed."""
         loads: list[float] = []
         slopes: list[float] = []

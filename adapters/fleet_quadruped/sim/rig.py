@@ -59,7 +59,7 @@ class Rig:
         self.controller.begin(now)
         for name, bus in self.buses.items():
             for frame in bus.receive(0.0):
-                self.controller.take(name, frame, now)
+                self.controller.handle_frame(name, frame, now)
         if self.alive:
             self.order = msgspec.structs.replace(self.order, until=now + 1.0, alive=now)
         self.controller.finish(now, dt, self.order)

@@ -35,7 +35,7 @@ class SdoServer:
         self.unmappable: frozenset[int] = frozenset()  # values that no mapping may have
         self.changed = True  # since the owner last looked
 
-    def take(self, frame: CanFrame) -> None:
+    def handle_frame(self, frame: CanFrame) -> None:
         """Process a frame; all but requests to this node are ignored."""
         if frame.id != SDO_REQUEST + self._node or len(frame.data) != 8:
             return

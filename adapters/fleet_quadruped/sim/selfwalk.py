@@ -117,7 +117,7 @@ class SimWalker:
         else:
             self._wires.faults[name] = value
 
-    def take(self, bus: str, frame: CanFrame) -> None:
+    def handle_frame(self, bus: str, frame: CanFrame) -> None:
         """Process a frame sent to the machine."""
         for arrived in self._wires.to_dog(bus, [frame], self.time):
             self._deliver(arrived)
@@ -144,11 +144,11 @@ class SimWalker:
         if self.sdo is not None:
             self._serve(frame)
         if frame.id in self._lengths:
-            self._take_velocity(frame)
+            self._handle_velocity(frame)
             return
         check = self._checks.get(frame.id)
         if check is not None:
-            frame = CanFrame(frame.id, check.bare(frame.data)) if check.take(frame.data) else _NOTHING
+            frame = CanFrame(frame.id, check.bare(frame.data)) if check.accepts(frame.data) else _NOTHING
         name = self._commands.get(frame)
         if name is not None:
             self._command(name)
@@ -158,7 +158,7 @@ class SimWalker:
                 "height", self.height
             )
 
-    def _take_velocity(self, frame: CanFrame) -> None:
+    def _handle_velocity(self, frame: CanFrame) -> None:
         """Process a velocity with correct length, counter and checksum."""
         right = len(frame.data) == self._lengths[frame.id] and self._runs()
         found = self._velocity.decode(frame.id, frame.data) if right else None
@@ -273,7 +273,7 @@ class SimWalker:
             started = frame.data[0] == 1 and self._is_mapped()
             self._nmt = OPERATIONAL if started else _PRE_OPERATIONAL
         elif frame.id == SDO_REQUEST + (node or 0):
-            self.sdo.take(frame)
+            self.sdo.handle_frame(frame)
             if objects is not None and objects.height is not None:
                 entry = objects.height
                 raw = self.sdo.objects[entry.index, entry.sub].value

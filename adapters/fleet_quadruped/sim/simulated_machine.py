@@ -22,7 +22,7 @@ class SimulatedMachine(Protocol):
     def fault(self, name: str, value: float = 1.0) -> None:
         """Activate a fault."""
 
-    def take(self, bus: str, frame: CanFrame) -> None:
+    def handle_frame(self, bus: str, frame: CanFrame) -> None:
         """Process a frame sent to the machine."""
 
     def advance(self, dt: float, *, sense: bool = True) -> None:

@@ -36,13 +36,13 @@ class HoverboardBoard(SimBoard):
         while len(self._rest) >= _DOWN.size:
             frame = self._rest[: _DOWN.size]
             if frame.startswith(_MARK) and checksum(frame) == _DOWN.unpack(frame)[3]:
-                self._take(frame, now)
+                self._mix(frame, now)
                 self._rest = self._rest[_DOWN.size :]
             else:
                 self._rest = self._rest[1:]
         return b""
 
-    def _take(self, frame: bytes, now: float) -> None:
+    def _mix(self, frame: bytes, now: float) -> None:
         """Mix steer and speed as the firmware does."""
         _, steer, speed, _ = _DOWN.unpack(frame)
         self._inputs = (steer, speed)

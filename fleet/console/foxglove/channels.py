@@ -44,7 +44,7 @@ class Channels:
         self._numbers: dict[tuple[str, str], int] = {}
         self._seen: dict[tuple[str, str], _DecodedKey] = {}
 
-    def take(
+    def convert(
         self, edge: str, samples: Iterable[tuple[str, bytes]], received: int, wanted: AbstractSet[int]
     ) -> list[Sample]:
         """Return the samples of an edge's bus, converted to the channels.

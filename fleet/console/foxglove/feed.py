@@ -110,19 +110,21 @@ class Feed:
 
     def _begin(self, edge: str, heard: _SubscribedBus, loop: asyncio.AbstractEventLoop) -> None:
         """Subscribe on the bus of an edge, and query values that are published rarely; blocks."""
-        take = partial(self._take, edge, loop)
+        convert = partial(self._convert, edge, loop)
         control = heard.bus.control
         for key in requested_first(edge):
-            take(control.request(key, b"", timeout=ANSWER_WITHIN))
+            convert(control.request(key, b"", timeout=ANSWER_WITHIN))
         for key in published(edge):
-            heard.ends.append(control.subscribe(key, lambda key, payload: take([(key, payload)])))
-        heard.ends.append(heard.bus.reports.gather(REPORTS, take))
+            heard.ends.append(control.subscribe(key, lambda key, payload: convert([(key, payload)])))
+        heard.ends.append(heard.bus.reports.gather(REPORTS, convert))
 
-    def _take(self, edge: str, loop: asyncio.AbstractEventLoop, samples: Iterable[tuple[str, bytes]]) -> None:
+    def _convert(
+        self, edge: str, loop: asyncio.AbstractEventLoop, samples: Iterable[tuple[str, bytes]]
+    ) -> None:
         """Convert the samples of an edge's bus; on the bus's threads."""
         received = round(self._clock.time() * 1e9)
         with self._lock:
-            found = self._channels.take(edge, samples, received, self._wanted)
+            found = self._channels.convert(edge, samples, received, self._wanted)
         if found:
             with contextlib.suppress(RuntimeError):  # the loop has ended
                 loop.call_soon_threadsafe(self._offer, found)

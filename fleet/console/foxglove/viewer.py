@@ -107,13 +107,13 @@ class Viewer:
                 return
             text = message.get("text")
             try:
-                self._take(read_requested(text if text is not None else message.get("bytes") or b""))
+                self._handle(read_requested(text if text is not None else message.get("bytes") or b""))
             except WireError as error:
                 bad += 1
                 await self._socket.send_text(warning(str(error)))
         await self._socket.close(POLICY)
 
-    def _take(self, requested: ViewerRequest) -> None:
+    def _handle(self, requested: ViewerRequest) -> None:
         """Begin or end subscriptions; a new one gets the newest sample at once. Raises WireError."""
         if isinstance(requested, Subscribe):
             for each in requested.subscriptions:

@@ -223,7 +223,7 @@ class ConfigurationChanges:
                 self._running = after
                 self._tell()
         missing = sorted(_names_of(new) ^ _names_of(self._running))
-        done += await self._take_sections(sections, new, missing)
+        done += await self._apply_sections(sections, new, missing)
         for change in done:
             _record(self._process, change, requested)
         return tuple(done)
@@ -248,7 +248,7 @@ class ConfigurationChanges:
         self._tell()
         return ended(change, Outcome.DONE)
 
-    async def _take_sections(self, changes: list[Change], new: Loaded, missing: list[str]) -> list[Change]:
+    async def _apply_sections(self, changes: list[Change], new: Loaded, missing: list[str]) -> list[Change]:
         """Apply sections, all or none: they refer to each other, and to robots (none of the ``missing``)."""
         if changes and missing:
             why = f"they may name {', '.join(missing)}: see there, and apply again"

@@ -77,7 +77,7 @@ class CommonStart:
         parameters = {"kind": kind, "wait": "1", "start": self._id, "id": identity, "way": transport.value}
         answers = 0
 
-        def take(reply: Reply) -> None:
+        def receive(reply: Reply) -> None:
             nonlocal answers
             answers += 1
             if answers > 1 and not reply.ok and reply.done is None and self._clock.time() < self._stamp:
@@ -87,14 +87,14 @@ class CommonStart:
 
         def end() -> None:
             if answers == 0:
-                take(Reply(robot, ReplyStatus.TIMEOUT, "its process does not answer"))
+                receive(Reply(robot, ReplyStatus.TIMEOUT, "its process does not answer"))
 
         self._session.request_later(
             keys.prepare(edge, robot),
             payload,
             timeout=END_WITHIN,
             parameters=parameters,
-            on_answer=lambda data: self._soon(partial(take, decode_json(data, Reply))),
+            on_answer=lambda data: self._soon(partial(receive, decode_json(data, Reply))),
             on_end=partial(self._soon, end),
         )
 
@@ -151,7 +151,7 @@ class CommonStart:
         found: list[StartAnswer] = []
         ended = asyncio.Event()
 
-        def take(data: bytes) -> None:
+        def receive(data: bytes) -> None:
             with contextlib.suppress(msgspec.DecodeError):
                 found.append(decode_json(data, StartAnswer))
 
@@ -159,7 +159,7 @@ class CommonStart:
             keys.starts(edge),
             requested,
             timeout=within,
-            on_answer=lambda data: self._soon(partial(take, data)),
+            on_answer=lambda data: self._soon(partial(receive, data)),
             on_end=partial(self._soon, ended.set),
         )
         with contextlib.suppress(TimeoutError):

@@ -79,13 +79,13 @@ class DropInWatch:
             if now != before:
                 self._again.pop(file, None)
             elif now is not None and now != self._in_use[file] and self._is_due(file):
-                await self._take(file, now)
+                await self._reload(file, now)
 
     def _is_due(self, file: WatchedFile) -> bool:
         """Return whether a worker is asked now."""
         return file not in self._again or self._polls >= self._again[file].at
 
-    async def _take(self, file: WatchedFile, stamp: tuple[int, int]) -> None:
+    async def _reload(self, file: WatchedFile, stamp: tuple[int, int]) -> None:
         """Reload a file; a failure is logged once."""
         waits = "" if file.simulated else self._blocker(file.worker)
         why = waits or await self._requested(file)

@@ -37,7 +37,7 @@ from fleet.host.edge.summaries import Summaries
 from fleet.host.edge.worker_members import WorkerMembership
 from fleet.host.edge.worker_robots import RemoteRobots, Workers
 from fleet.host.journal.stores import history_bounds, open_stores
-from fleet.host.process.common_start import take_starts
+from fleet.host.process.common_start import serve_common_starts
 from fleet.host.process.component_settings import (
     bus_access,
     bus_settings,
@@ -157,7 +157,7 @@ class Edge:
         self._notifier = Notifier(config.notified, config.edge.id, clock)
         history = self.process.history
         self.schedules = EdgeSchedules(config, folder, self.missions.starter, self.process, self.states)
-        history.on_event = self.schedules.before(self._notifier.take)
+        history.on_event = self.schedules.before(self._notifier.handle)
         self._pair = part_in_pair(loaded, gate, self.process, self.schedules.run)
         self._watches: DropInWatch | None = None
         self._loaded = loaded
@@ -332,7 +332,7 @@ class Edge:
         """Show the edge on the bus, and start its periodic reports."""
         edge = self._config.edge.id
         stop = serve_stops(self.process, self.bus, self._groups, self.remote.values())
-        take_starts(self.process)
+        serve_common_starts(self.process)
         self.process.follow_supervisor(stop, ended)
         if self._presence is not None:
             self._presence.register_disconnect_messages()

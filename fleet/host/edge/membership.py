@@ -220,9 +220,9 @@ class Membership:
         """Take a robot out of the runs of missions; return which do not release it."""
         for run in self._registrations.runs_with(robot.name):
             message = {"command": LEAVE, "data": {"run": run}, "session_id": "fleet apply"}
-            take = robot.read("command", msgspec.json.encode(message), transport=Transport.MISSION)
-            if take is not None:
-                take(lambda _reply: None)
+            request = robot.read("command", msgspec.json.encode(message), transport=Transport.MISSION)
+            if request is not None:
+                request(lambda _reply: None)
         if await seen(lambda: not self._registrations.runs_with(robot.name), LEAVES_WITHIN):
             return ""
         return f"run {', '.join(self._registrations.runs_with(robot.name))} goes by it: abort that first"

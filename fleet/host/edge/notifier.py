@@ -71,10 +71,10 @@ class Notifier:
             target.end()
         self._listen()
 
-    def take(self, robot: str, event: EventReport, *, heard: bool = False) -> None:
+    def handle(self, robot: str, event: EventReport, *, heard: bool = False) -> None:
         """Process an event of a robot; from any thread, never waits. ``heard``: it came over the bus."""
         for target in self._targets:
-            target.take(robot, event, heard=heard)
+            target.enqueue(robot, event, heard=heard)
 
     def subscribe(self, reports: ZenohSession, robots: Mapping[str, str]) -> None:
         """Subscribe to the events of robots in other processes, given by twin and name.
@@ -105,7 +105,7 @@ class Notifier:
         with contextlib.suppress(WireError):
             event = unproven(decode_report(EventReport.channel, sample))
             if isinstance(event, EventReport):
-                self.take(robot, event, heard=True)
+                self.handle(robot, event, heard=True)
 
     def close(self) -> None:
         """Send waiting notices, within a moment, and end."""
@@ -133,7 +133,7 @@ class NoticeTarget:
         self._thread = threading.Thread(target=self._run, name="fleet-notify", daemon=True)
         self._thread.start()
 
-    def take(self, robot: str, event: EventReport, *, heard: bool = False) -> None:
+    def enqueue(self, robot: str, event: EventReport, *, heard: bool = False) -> None:
         """Queue an event, if the target wants it; from any thread.
 
         Events ``heard`` on the bus have a limit of their own, and half of the queue at most.

@@ -87,7 +87,7 @@ class PartnerRobot:
         if request_id:
             parameters["id"] = request_id
         send = partial(self._partners.send, self, payload, parameters)
-        return Request(partial(self._partners.take, self, payload, transport, send))
+        return Request(partial(self._partners.relay, self, payload, transport, send))
 
 
 class Partners:
@@ -160,7 +160,7 @@ class Partners:
             request = RobotLeaseRequest(run, self._edge, dict.fromkeys(kept, _failed_do(runs.get(run))))
             self._request(edge, request, lambda _answer: None)
 
-    def take(
+    def relay(
         self,
         robot: PartnerRobot,
         payload: bytes,

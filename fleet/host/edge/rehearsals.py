@@ -248,7 +248,7 @@ class _RunningRehearsal:
             if not reading.done():
                 continue
             line, heard = reading.result(), self._clock.monotonic()
-            await self._take(line)
+            await self._handle_line(line)
             if not line or self._result is not None or self._failure:
                 return
             reading = asyncio.ensure_future(process.stdout.readline())
@@ -263,7 +263,7 @@ class _RunningRehearsal:
             self._failure = f"its process said nothing for {SILENT:g} s"
         return bool(self._failure)
 
-    async def _take(self, data: bytes) -> None:
+    async def _handle_line(self, data: bytes) -> None:
         """Process one line; any other text is an error message of the process."""
         try:
             line = decode_json(data, RehearsalLine)

@@ -41,17 +41,17 @@ class RobotReports:
     def join(self, robot: str, twin: str, *, remote: bool) -> None:
         """Receive the events about a robot; for one in a worker, also its other reports."""
         self.leave(twin)
-        self._take(twin, EventReport.channel, partial(self._published, robot))
+        self._receive(twin, EventReport.channel, partial(self._published, robot))
         if remote:
-            self._take(twin, NavigationReport.channel, self._goal)
-            self._take(twin, PhotoReport.channel, self._pictures(twin))
+            self._receive(twin, NavigationReport.channel, self._goal)
+            self._receive(twin, PhotoReport.channel, self._pictures(twin))
 
     def leave(self, twin: str) -> None:
         """Stop receiving the reports of a twin."""
         for channel, calls in self._calls.items():
             calls.pop(data_key(twin, channel), None)
 
-    def _take(self, twin: str, channel: str, call: Callable[[bytes], None]) -> None:
+    def _receive(self, twin: str, channel: str, call: Callable[[bytes], None]) -> None:
         """Call ``call`` with the reports of one channel of a twin.
 
         A channel is subscribed to when the first robot needs it: each sample of a subscription interrupts the

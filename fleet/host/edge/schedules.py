@@ -116,7 +116,7 @@ class EdgeSchedules:
         @never_raises
         def hear(robot: str, event: EventReport) -> None:
             if event.kind in self._listens:
-                self._loop.call_soon_threadsafe(self._take, robot, event)
+                self._loop.call_soon_threadsafe(self._enqueue, robot, event)
 
         def both(robot: str, event: EventReport) -> None:
             hear(robot, event)
@@ -128,7 +128,7 @@ class EdgeSchedules:
         """Receive a query, on the bus's thread."""
         asyncio.run_coroutine_threadsafe(self._answer(question), self._loop)
 
-    def _take(self, robot: str, event: EventReport) -> None:
+    def _enqueue(self, robot: str, event: EventReport) -> None:
         """Queue an event."""
         try:
             self._events.put_nowait((robot, event))

@@ -116,9 +116,9 @@ class CommonStarts:
             return
         read = cast("Kind", kind if kind in KINDS else "command")
         proven = self._process.senders.proven(question)
-        take = robot.read(read, question.payload, transport=Transport.BUS, proven=proven)
-        if take is not None:
-            self._loop.call_soon_threadsafe(take, answer_to(question, waits=False))
+        request = robot.read(read, question.payload, transport=Transport.BUS, proven=proven)
+        if request is not None:
+            self._loop.call_soon_threadsafe(request, answer_to(question, waits=False))
 
     def _requested(self, question: Query) -> None:
         """Answer with the present time, at once; set the instant of a start."""
@@ -304,7 +304,7 @@ class CommonStarts:
         one.receipt.reject(f"not started: {why}")
 
 
-def take_starts(process: RobotProcess) -> None:
+def serve_common_starts(process: RobotProcess) -> None:
     """Make the robots of a process available for common starts; before they run."""
     CommonStarts(process).declare()
 

@@ -82,7 +82,7 @@ class RobotEndpoints:
         refused = self._permitted.refusal(robot, kind, question, transport)
         if refused is not None:
             return partial(answer, refused)
-        take = robot.read(
+        request = robot.read(
             kind,
             question.payload,
             transport=transport,
@@ -90,4 +90,4 @@ class RobotEndpoints:
             waits=waits,
             proven=self._senders.proven(question),
         )
-        return question.close if take is None else partial(take, answer)
+        return question.close if request is None else partial(request, answer)

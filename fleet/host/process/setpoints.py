@@ -54,11 +54,11 @@ class Setpoints:
         self._robots.pop(robot.twin, None)
 
     def _arrived(self, kind: Kind, key: str, payload: bytes) -> None:
-        """Take a setpoint, unless its key is that of no robot of this process; on the bus's thread."""
+        """Receive a setpoint, unless its key is that of no robot of this process; on the bus's thread."""
         twin = key.split("/")[1]
         robot = self._robots.get(twin)
         if robot is not None and key == _key(twin, _KEYS[kind]):  # a key with a wildcard is no robot's
-            take(robot, kind, self._loop, payload)
+            receive_setpoint(robot, kind, self._loop, payload)
 
     def follow(self, robot: LocalRobot) -> None:
         """Pass its leader's joint positions to a robot that has one; it may appear later, anywhere."""
@@ -77,8 +77,8 @@ class Setpoints:
         self._followed[robot.twin] = end
 
 
-def take(robot: LocalRobot, kind: Kind, loop: asyncio.AbstractEventLoop, payload: bytes) -> None:
-    """Take a setpoint for a robot; on the bus's thread."""
+def receive_setpoint(robot: LocalRobot, kind: Kind, loop: asyncio.AbstractEventLoop, payload: bytes) -> None:
+    """Receive a setpoint for a robot; on the bus's thread."""
     request = robot.read(kind, payload, transport=Transport.BUS)
     if request is not None:
         loop.call_soon_threadsafe(request, robot.requests.log_refusal)

@@ -278,7 +278,7 @@ class HeldByEdge:
         for latch in self._latches.values():
             latch.held = "the edge has not confirmed its stop input yet"
 
-    def take(self, payload: bytes) -> None:
+    def apply(self, payload: bytes) -> None:
         """Apply the edge's message; on the bus's thread. An invalid message is ignored."""
         try:
             held = decode_json(payload, dict[str, str])

@@ -67,7 +67,7 @@ class TwinHolders:
         except msgspec.DecodeError as error:
             log.warning("the holders of our twins cannot be read: %s", error)
             return
-        self._loop.call_soon_threadsafe(self._take, holders)
+        self._loop.call_soon_threadsafe(self._apply, holders)
 
     def give_up(self, twin: str) -> None:
         """Stop claiming a twin that no robot has any more."""
@@ -79,7 +79,7 @@ class TwinHolders:
         for where, holder in list(self._holders.get(robot.twin, {}).items())[:1]:
             self._hold(robot.twin, where, holder)
 
-    def _take(self, holders: Mapping[str, str]) -> None:
+    def _apply(self, holders: Mapping[str, str]) -> None:
         """Apply changed holders; an unproven claim does not take a robot that was moved meanwhile."""
         for robot in self._robots.values():
             holder = holders.get(robot.twin, "")

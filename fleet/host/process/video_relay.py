@@ -44,7 +44,7 @@ class VideoRelay:
         self._loop = loop
         self._clock = clock
 
-    def take(self, request: Command, receipt: Receipt) -> None:
+    def relay(self, request: Command, receipt: Receipt) -> None:
         """Relay a command: done when a program has done it, refused when there is none."""
         if request.origin.transport is not Transport.CLOUD:
             receipt.watch(self._tell)
@@ -115,4 +115,4 @@ def relay_video(
     relay = VideoRelay(robot.name, keys.video(edge, robot.name), bus_session, loop, clock, tell=tell)
     for name in VIDEO_TYPES:
         if robot.spec_of(name) is None:
-            robot.controller.own[name] = relay.take
+            robot.controller.own[name] = relay.relay

@@ -82,7 +82,7 @@ class Action:
         state = ActionState.BLOCKED if progress.blocked else ActionState.RUNNING
         percent = max(self.status.progress, min(99.0, progress.percent))
         self.reached = max(self.reached, progress.reached)
-        self._left.take(progress.remaining, self._clock.monotonic())
+        self._left.update(progress.remaining, self._clock.monotonic())
         changed = state is not self.status.state or progress.message != self.status.message
         if changed or self._clock.monotonic() - self._published_at >= REPEAT:
             self.move(state, percent, progress.message)

@@ -21,7 +21,7 @@ class RemainingDistance:
         self.seconds: float | None = None
         self._seen: deque[tuple[float, float]] = deque()  # (monotonic s, metres left)
 
-    def take(self, metres: float | None, now: float) -> None:
+    def update(self, metres: float | None, now: float) -> None:
         """Record the distance left at ``now`` (monotonic s)."""
         self.metres, self.seconds = None, None
         if metres is None or not math.isfinite(metres):

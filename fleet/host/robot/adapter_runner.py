@@ -170,7 +170,7 @@ class AdapterRunner:
             self._crash.cancel()
             retrieve_exception(self._crash)
             self._log_exceptions(self.controller.detach)(end.health.cause)
-            await _uninterrupted(handle.take_halt_back())
+            await _uninterrupted(handle.withdraw_halt())
         return end
 
     def _meaning_of(self, error: Exception) -> _RunEnd:

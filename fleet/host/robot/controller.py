@@ -20,7 +20,7 @@ from fleet.host.requests.last_command import LastCommand
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.adapter_factory import Capabilities
 from fleet.host.robot.attached_adapter import AttachedAdapter
-from fleet.host.robot.executor import may_still_move, takes
+from fleet.host.robot.executor import admits, may_still_move
 from fleet.host.robot.goal_requests import GoalRequests
 from fleet.host.robot.motion_guard import MotionGuard
 from fleet.host.robot.own_commands import MOTION, own_commands
@@ -202,7 +202,7 @@ class RobotController:
         self.event_reporter.authority_lost(reason)
         self.motion.fail(f"authority lost: {reason}")
         self._admission.taken_over(f"taken: authority lost: {reason}")
-        self.motion.taken()
+        self.motion.taken_over()
         self.guard.taken = True
 
     def end(self, why: str) -> None:
@@ -257,7 +257,7 @@ class RobotController:
             case Command():
                 self._command(request, receipt)
             case _:
-                self.goals.take(request, receipt)
+                self.goals.handle(request, receipt)
         self.motion.record()
 
     def _command(self, request: Command, receipt: Receipt) -> None:
@@ -300,7 +300,7 @@ class RobotController:
             return
         superseding = spec.moves and motion.under_way
         if spec.moves:
-            if not takes(spec, request, receipt, self.activity):
+            if not admits(spec, request, receipt, self.activity):
                 return
             motion.begin(request)
             receipt.watch(self.guard.obeyed)

@@ -221,7 +221,7 @@ async def _stepped(call: AsyncIterator[object], receipt: Receipt) -> None:
             receipt.accept()
 
 
-def takes(spec: CommandSpec, request: Command, receipt: Receipt, doing: str) -> bool:
+def admits(spec: CommandSpec, request: Command, receipt: Receipt, doing: str) -> bool:
     """Return whether a command is valid now; if not, refuse it and leave the robot's activity alone.
 
     A command that does not interrupt is also refused while the robot is ``doing`` something.

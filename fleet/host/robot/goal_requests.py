@@ -58,8 +58,8 @@ class GoalRequests:
             config, self._lead, limits, clock, guard.others.of, holonomic=lambda: can().is_holonomic
         )
 
-    def take(self, request: Navigate, receipt: Receipt) -> None:
-        """Take a goal, or a control of the running action."""
+    def handle(self, request: Navigate, receipt: Receipt) -> None:
+        """Handle a goal, or a control of the running action."""
         statuses = self._navigator.statuses
         if isinstance(request.instruction, Control):
             receipt.watch(partial(statuses.controlled, request))

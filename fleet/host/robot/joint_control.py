@@ -132,7 +132,7 @@ class JointControl:
         self._adapter = None
         self._measured.clear()
 
-    def take(self, request: JointSetpoint, receipt: Receipt) -> bool:
+    def apply(self, request: JointSetpoint, receipt: Receipt) -> bool:
         """Set joint targets and answer; return whether they were accepted."""
         now = self._clock.monotonic()
         if self._repeats.first(request.id, True, now):

@@ -193,7 +193,7 @@ class LocalRobot:
         """Follow the leader's joint positions, once ``follow_leader`` was commanded; on the loop."""
         request = self.controller.joints.following(report)
         if request is not None:
-            self.requests.take("joints", request, False, self.clock.monotonic(), self._leader_answered)
+            self.requests.submit("joints", request, False, self.clock.monotonic(), self._leader_answered)
 
     def _leader_answered(self, reply: Reply) -> None:
         """Process the answer to the leader's targets, which has no other receiver."""
@@ -205,12 +205,12 @@ class LocalRobot:
         if isinstance(report, EventReport):
             self._record(report)
         if type(report) in READ and is_known(report):
-            self._seen.take(report)
+            self._seen.update(report)
             self.unrequested_events.observe(report)
             self.controller.observe(report)
             self.controller.guard.observe(report)
         elif type(report) is NavigationReport:
-            self._seen.take(report)
+            self._seen.update(report)
         elif type(report) is JointReport:
             self.controller.joints.observe(report)
         elif type(report) is MetricsReport:

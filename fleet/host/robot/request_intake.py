@@ -109,7 +109,7 @@ class RequestIntake:
         if request.name == EMERGENCY:
             self._stop_at_once(request.origin, request_of(request))
         return Request(
-            partial(self.take, kind, request, waits, arrived), is_stop(request), is_discrete(request)
+            partial(self.submit, kind, request, waits, arrived), is_stop(request), is_discrete(request)
         )
 
     def decode_request(
@@ -121,7 +121,7 @@ class RequestIntake:
         )
         return goal_of(request, self._controller.can, self._controller.speeds.of)
 
-    def take(self, kind: Kind, request: RobotRequest, waits: bool, arrived: float, answer: Answer) -> None:  # noqa: FBT001 - by position
+    def submit(self, kind: Kind, request: RobotRequest, waits: bool, arrived: float, answer: Answer) -> None:  # noqa: FBT001 - by position
         """Pass a request to the controller, or refuse it if it has waited too long since ``arrived``."""
         if isinstance(request, Command) and request.flaw:
             line = "took a message that was refused for %s: %s"

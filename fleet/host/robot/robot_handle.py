@@ -163,7 +163,7 @@ class RobotHandle:
             self.log.error("the supervisor did not keep its halt within %g s", KEPT_WITHIN)
         self.health(self._said)
 
-    async def take_halt_back(self) -> None:
+    async def withdraw_halt(self) -> None:
         """Make the supervisor release the robot's link, so that it can be reopened; bounded in time."""
         if self._sent:
             self._sent = self._kept = 0

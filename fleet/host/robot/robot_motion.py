@@ -95,7 +95,7 @@ class RobotMotion:
         if receipt.first is not None and receipt.first.status is ReplyStatus.DENIED:
             self.in_control = self.in_control and self._had_control
 
-    def taken(self) -> None:
+    def taken_over(self) -> None:
         """Note that another party controls the robot."""
         self.in_control = self.may_be_moving = self._stop_unconfirmed = False
 

@@ -51,7 +51,7 @@ class SetpointRequests:
         if motion.in_control or not request.velocity.is_zero:  # a zero does not take over the robot
             motion.begin(request)
         motion.navigator.cancel("teleoperation took over")
-        if motion.driving.take(adapter, request, receipt, superseding=superseding):
+        if motion.driving.apply(adapter, request, receipt, superseding=superseding):
             self._last.accepted(request.name)
         else:
             motion.not_begun(receipt)
@@ -59,7 +59,7 @@ class SetpointRequests:
     def joints(self, request: JointSetpoint, receipt: Receipt) -> None:
         """Take joint targets: each joint follows its newest one until the lease expires."""
         adapter = self._adapter_for(self._can().joint_refusal or self._admission.joints(request), receipt)
-        if adapter is not None and self._motion.driving.joints.take(request, receipt):
+        if adapter is not None and self._motion.driving.joints.apply(request, receipt):
             self._motion.begin(request)
             self._last.accepted(request.name)
 

@@ -43,7 +43,7 @@ class Snapshot:
         self._mark: PoseReport | None = None  # start of the present speed measurement
         self._speed: float | None = None
 
-    def take(self, report: Report) -> None:
+    def update(self, report: Report) -> None:
         """Record the contents of a report."""
         match report:
             case PoseReport():

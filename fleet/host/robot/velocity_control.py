@@ -88,7 +88,7 @@ class VelocityControl:
         if not self.deadman.armed:
             self._driven_until = -math.inf
 
-    def take(self, adapter: Adapter[Any], request: Setpoint, receipt: Receipt, *, superseding: bool) -> bool:
+    def apply(self, adapter: Adapter[Any], request: Setpoint, receipt: Receipt, *, superseding: bool) -> bool:
         """Make the adapter hold a setpoint, and answer; return whether it does.
 
         ``superseding``: the robot already moves, so it is halted if it does not take the new velocity.

@@ -89,7 +89,7 @@ class Admission:
             or self._standing(request, now, moves=moves, safe=safe)
         )
         if refusal is None and ends_a_stop and request.name != RELEASE:
-            self._take(request.origin, now)
+            self._acquire_lease(request.origin, now)
         if refusal is None and moves:  # a safe command does not take the robot out of its run
             self.lease.others_moved(
                 request.origin.session, f"taken: {request.name} by {_named(request.origin)}"
@@ -155,7 +155,7 @@ class Admission:
         holds = self._stick_release.refusal(sender, now, zero=zero)
         refusal = self.motion() or holds or self.lease.refusal(request.origin.session, now)
         if refusal is None:
-            self._take(request.origin, now)
+            self._acquire_lease(request.origin, now)
             self._stick_release.record_velocity(sender, now)
         return refusal
 
@@ -220,9 +220,9 @@ class Admission:
             moves=moves,
         )
 
-    def _take(self, origin: Origin, now: float) -> None:
+    def _acquire_lease(self, origin: Origin, now: float) -> None:
         """Give the control lease to the sender."""
-        self.lease.take(origin.session, now)
+        self.lease.acquire(origin.session, now)
         self.speeds.driven_by(origin.session)
 
 

@@ -42,7 +42,7 @@ class ControlLease:
         """Return the holder of the lease as text for people; empty when it is free."""
         return f"{self._holder or 'an operator'} has control" if now < self._until else ""
 
-    def take(self, session: str, now: float) -> None:
+    def acquire(self, session: str, now: float) -> None:
         """Start or renew the lease of this session."""
         self._holder = session
         self._until = now + self.seconds

@@ -197,8 +197,8 @@ class RemoteRobot:
         if isinstance(request, Command) and request.flaw:
             return Request(partial(self._hand_over_stop, request, parameters), stops=True)
         until = self._arrival() + max_wait(request, self.config)
-        take = partial(self._hand_over, request.name, payload, parameters, until)
-        return Request(take, is_stop(request), is_discrete(request))
+        hand_over = partial(self._hand_over, request.name, payload, parameters, until)
+        return Request(hand_over, is_stop(request), is_discrete(request))
 
     def _hand_over_stop(self, request: Command, parameters: dict[str, str], answer: Answer) -> None:
         """Pass a stop from a message that was refused to the worker, in valid form."""

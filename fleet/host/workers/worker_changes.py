@@ -69,7 +69,7 @@ class WorkerChanges:
         loop = asyncio.get_running_loop()
         heard: asyncio.Future[dict[str, HeldRobot] | None] = loop.create_future()
 
-        def take(held: dict[str, HeldRobot] | None) -> None:
+        def resolve(held: dict[str, HeldRobot] | None) -> None:
             if not heard.done():
                 heard.set_result(held)
 
@@ -77,8 +77,8 @@ class WorkerChanges:
             keys.hold(self._edge, worker),
             msgspec.json.encode(requested),
             timeout=REQUEST_WITHIN,
-            on_answer=lambda data: _soon(loop, take, decode_json(data, dict[str, HeldRobot])),
-            on_end=lambda: _soon(loop, take, None),
+            on_answer=lambda data: _soon(loop, resolve, decode_json(data, dict[str, HeldRobot])),
+            on_end=lambda: _soon(loop, resolve, None),
         )
         return await heard
 
@@ -156,16 +156,16 @@ class WorkerChanges:
         loop = asyncio.get_running_loop()
         heard: asyncio.Future[str] = loop.create_future()
 
-        def take(why: str) -> None:
+        def resolve(why: str) -> None:
             if not heard.done():
                 heard.set_result(why)
 
         def answered(data: bytes) -> None:
             reply = decode_json(data, Reply)
-            loop.call_soon_threadsafe(take, "" if reply.ok else reply.reason or "it refuses")
+            loop.call_soon_threadsafe(resolve, "" if reply.ok else reply.reason or "it refuses")
 
         def ended() -> None:
-            loop.call_soon_threadsafe(take, _silent(worker))
+            loop.call_soon_threadsafe(resolve, _silent(worker))
 
         self._control.request_later(
             keys.reload(self._edge, worker),
@@ -180,12 +180,12 @@ class WorkerChanges:
 
 def _soon(
     loop: asyncio.AbstractEventLoop,
-    take: Callable[[dict[str, HeldRobot] | None], None],
+    resolve: Callable[[dict[str, HeldRobot] | None], None],
     held: dict[str, HeldRobot] | None,
 ) -> None:
     """Pass an answer to the loop, unless that is closed."""
     with contextlib.suppress(RuntimeError):
-        loop.call_soon_threadsafe(take, held)
+        loop.call_soon_threadsafe(resolve, held)
 
 
 def _silent(worker: str) -> str:

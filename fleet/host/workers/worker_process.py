@@ -24,7 +24,7 @@ from fleet.errors import FleetError
 from fleet.host.journal.stores import open_stores
 from fleet.host.logs.folders import log_folder
 from fleet.host.logs.setup import LogSettings, start_logging
-from fleet.host.process.common_start import take_starts
+from fleet.host.process.common_start import serve_common_starts
 from fleet.host.process.component_settings import settle_time_beside
 from fleet.host.process.driverlog import publish_robot_logs
 from fleet.host.process.history_service import HistoryService
@@ -74,14 +74,14 @@ async def run(task: WorkerTask, directory: Path, parent: int | None) -> int:
     end_by_signal(ended.set)
     stop_logs = publish_robot_logs(process)
     stop = serve_stops(process, bus, task.groups)
-    take_starts(process)
+    serve_common_starts(process)
     process.follow_supervisor(stop, ended)
     bus.control.subscribe(keys.halt(edge, name), lambda _key, _payload: process.halt_robots())
     bus.control.subscribe(keys.holders(edge), lambda _key, payload: process.holders.read(payload))
     if task.held:
         latches = {robot: process.robots[robot].controller.latch for robot in task.held}
         held = HeldByEdge(latches, ended=partial(_end_motion, process), clock=clock)
-        bus.control.subscribe(keys.held(edge), lambda _key, payload: held.take(payload))
+        bus.control.subscribe(keys.held(edge), lambda _key, payload: held.apply(payload))
         process.scheduler.every(TELL, held.check)
     reload = Reload(task, process.robots.values, end=ended.set, started_by_hand=parent is None)
     bus.control.answer(keys.reload(edge, name), reload.requested)

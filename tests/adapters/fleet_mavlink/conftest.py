@@ -99,12 +99,12 @@ class VehicleHarness:
     def beat(self, *, mode=0x03040000, armed=False, status=3, address=None, kind=2):
         """Let it beat once."""
         beat = Heartbeat(kind, self._autopilot, 0x80 if armed else 0, mode, status)
-        self.vehicle.take(beat, address)
+        self.vehicle.handle_message(beat, address)
 
     def receive(self, *messages):
         """Let it say something."""
         for message in messages:
-            self.vehicle.take(message, None)
+            self.vehicle.handle_message(message, None)
 
 
 @pytest.fixture

@@ -54,7 +54,7 @@ class GimbalBench:
 
     def tells(self, pitch, yaw=0.0):
         self.autopilot.tells = True
-        self.it.vehicle.take_part(154, seen_at(pitch, yaw))
+        self.it.vehicle.handle_component_message(154, seen_at(pitch, yaw))
 
     @property
     def aims(self):
@@ -77,7 +77,7 @@ def run_bench(run_answered, test):
         def receive(*messages):
             for message in messages:
                 if isinstance(message, GimbalDeviceAttitudeStatus):
-                    it.vehicle.take_part(154, message)
+                    it.vehicle.handle_component_message(154, message)
                 else:
                     take(message)
 

@@ -333,7 +333,7 @@ class Bench:
         self.moves()
 
     def beat(self):
-        self.it.vehicle.take(Heartbeat(self.type, self.autopilot, 0x81, self.mode, 4), None)
+        self.it.vehicle.handle_message(Heartbeat(self.type, self.autopilot, 0x81, self.mode, 4), None)
 
     def moves(self):
         place = (0, 470_000_000, 80_000_000, 500_000, 50_000)

@@ -24,11 +24,11 @@ class Shots:
         self.camera = CameraComponent(it.vehicle, CommandTimeouts())
 
     def beats(self, component=CAMERA, kind=30):
-        self.it.vehicle.take_part(component, Heartbeat(kind, 8))
+        self.it.vehicle.handle_component_message(component, Heartbeat(kind, 8))
 
     def says(self, *messages, component=CAMERA):
         for message in messages:
-            self.it.vehicle.take_part(component, message)
+            self.it.vehicle.handle_component_message(component, message)
 
     @property
     def sent(self):
@@ -138,18 +138,18 @@ def test_another_components_picture_is_not_the_cameras(shots):
 def test_without_a_camera_or_with_a_silent_one_no_command_is_sent(run_answered):
     async def test(it):
         camera = CameraComponent(it.vehicle, CommandTimeouts())
-        it.vehicle.take_part(CAMERA, TAKEN)  # not a heartbeat of a camera
+        it.vehicle.handle_component_message(CAMERA, TAKEN)  # not a heartbeat of a camera
         with pytest.raises(Unsupported, match="no camera of this vehicle has sent a heartbeat"):
             await camera.take_photo()
-        it.vehicle.take_part(CAMERA, Heartbeat(30, 8))
+        it.vehicle.handle_component_message(CAMERA, Heartbeat(30, 8))
         await asyncio.sleep(4.0)
         with pytest.raises(NotReady, match="no heartbeat"):
             await camera.take_photo()
-        it.vehicle.take_part(CAMERA, Heartbeat(30, 8))
-        it.vehicle.take_part(CAMERA, Heartbeat(30, 8))
+        it.vehicle.handle_component_message(CAMERA, Heartbeat(30, 8))
+        it.vehicle.handle_component_message(CAMERA, Heartbeat(30, 8))
         it.silent = True
         await asyncio.sleep(2.9)
-        it.vehicle.take_part(CAMERA, Heartbeat(30, 8))
+        it.vehicle.handle_component_message(CAMERA, Heartbeat(30, 8))
         await asyncio.sleep(1.0)
         with pytest.raises(NotReady, match="no heartbeat from system 1"):
             await camera.take_photo()

@@ -30,10 +30,10 @@ class SimFlight:
     ):
         """Have an aircraft so many metres north."""
         vehicle = Vehicle(len(self.members) + 1, self.clock, lambda _message, _address: None)
-        vehicle.take(Heartbeat(kind, 3, 0x80 if armed else 0, 4, 4), None)
-        vehicle.take(ExtendedSysState(2 if flies else 1), None)
+        vehicle.handle_message(Heartbeat(kind, 3, 0x80 if armed else 0, 4, 4), None)
+        vehicle.handle_message(ExtendedSysState(2 if flies else 1), None)
         place = (HERE[0] + metres * NORTH, HERE[1], int((488 + height) * 1000), int(height * 1000))
-        vehicle.take(GlobalPositionInt(1000, *place, *velocity, 9000), None)
+        vehicle.handle_message(GlobalPositionInt(1000, *place, *velocity, 9000), None)
         twin = twin or UUID(int=7 + len(self.members))
         member = self.traffic.member(vehicle, name, twin, simulated=True)
         self.members.append(member)

@@ -92,6 +92,6 @@ async def test_of_two_vehicles_with_one_id_the_first_is_shown(watcher):
 
 def test_an_allowance_fills_up_with_time():
     allowance = Allowance(10.0, 20.0)
-    assert sum(allowance.takes(5.0) for _ in range(100)) == 20
-    assert sum(allowance.takes(6.0) for _ in range(100)) == 10
-    assert sum(allowance.takes(1000.0) for _ in range(100)) == 20
+    assert sum(allowance.admits(5.0) for _ in range(100)) == 20
+    assert sum(allowance.admits(6.0) for _ in range(100)) == 10
+    assert sum(allowance.admits(1000.0) for _ in range(100)) == 20

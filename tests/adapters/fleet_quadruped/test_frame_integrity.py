@@ -71,11 +71,17 @@ sealings = st.builds(
 @given(sealings, st.binary(min_size=8, max_size=8), st.integers(0, 7), st.integers(1, 255))
 def test_a_protected_frame_is_valid_until_one_byte_is_wrong(protected, data, place, change):
     frame = bytearray(FrameIntegrity(0x111, protected).put(data))
-    assert FrameIntegrity(0x111, protected).take(bytes(frame))
+    assert FrameIntegrity(0x111, protected).accepts(bytes(frame))
     frame[place] ^= change
-    assert not FrameIntegrity(0x111, protected).take(bytes(frame))
+    assert not FrameIntegrity(0x111, protected).accepts(bytes(frame))
 
 
 def test_a_counter_that_stands_still_does_not_count():
     integrity = FrameIntegrity(0x111, ProtectedFrame(counter=Counter(at=0)))
-    assert [integrity.take(bytes([count])) for count in (3, 3, 4, 4, 7)] == [True, False, True, False, True]
+    assert [integrity.accepts(bytes([count])) for count in (3, 3, 4, 4, 7)] == [
+        True,
+        False,
+        True,
+        False,
+        True,
+    ]

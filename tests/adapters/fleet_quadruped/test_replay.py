@@ -52,10 +52,10 @@ def targets(lines):
 def test_a_drive_is_fed_with_what_it_said_and_not_with_what_it_was_sent(log):
     log.target(0.0, "RL_hip", 0.9).answer(0.1, "RL_hip", 0.5, torque=2.0)
     replay = DriveReplay(log.dog)
-    replay.take(log.frames[0])
+    replay.apply(log.frames[0])
     assert replay.wanted == pytest.approx({"RL_hip": 0.9}, abs=1e-4)
     assert {reported.power for reported in replay.reported} == {Power.ABSENT}
-    replay.take(log.frames[1])
+    replay.apply(log.frames[1])
     joint = replay.reported[7]
     assert (joint.power, joint.age) == (Power.ENABLED, 0.0)
     assert (joint.angle, joint.torque) == (pytest.approx(0.5, abs=1e-4), pytest.approx(2.0, abs=0.01))

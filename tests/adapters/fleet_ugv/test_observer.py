@@ -26,7 +26,7 @@ def it():
 
 def told(it, feedback, now, stamp=7.0):
     """Take a feedback, and return the reports after it by their kind."""
-    it.take(feedback, now)
+    it.update(feedback, now)
     return {type(report): report for report in it.reports(feedback, now, stamp)}
 
 
@@ -44,7 +44,7 @@ def test_joints_are_told_at_most_ten_times_a_second(it):
 
 def test_wheels_turn_by_the_calibrated_distance_over_their_radius():
     it, radius = observer()
-    it.take(Feedback(distances=(0.0, 0.0)), 1.0)
+    it.update(Feedback(distances=(0.0, 0.0)), 1.0)
     joints = told(it, Feedback(distances=(0.01, 0.02), speeds=(0.1, 0.2)), 1.1)[JointReport]
     assert joints.positions == pytest.approx({"left_wheel": 0.02 / radius, "right_wheel": 0.02 / radius})
     assert joints.velocities == pytest.approx({"left_wheel": 0.2 / radius, "right_wheel": 0.2 / radius})
@@ -79,7 +79,7 @@ def test_an_imu_is_told_beside_the_joints_if_it_is_whole(it):
 def test_the_rate_of_the_imu_is_without_the_bias_that_was_learned(it):
     still = Feedback(distances=(0.0, 0.0), speeds=(0.0, 0.0), gyro=Vector3(0.0, 0.0, 0.01), accel=Vector3())
     for cycle in range(200):
-        it.take(still, 1.0 + 0.02 * cycle)
+        it.update(still, 1.0 + 0.02 * cycle)
     assert told(it, still, 5.02)[ImuReport].gyro.z == pytest.approx(0.0, abs=1e-6)
 
 
@@ -93,7 +93,7 @@ def test_the_battery_is_told_every_two_seconds_once_it_is_known(it):
 def test_percents_are_those_of_the_configured_curve_or_unknown():
     it, _ = observer(battery=[(10.0, 0.0), (12.0, 100.0)])
     assert it.battery(7.0) == BatteryReport(7.0, percent=None, voltage=None)
-    it.take(Feedback(voltage=11.5), 1.0)
+    it.update(Feedback(voltage=11.5), 1.0)
     assert it.battery(7.0) == BatteryReport(7.0, percent=75.0, voltage=11.5)
 
 
@@ -115,8 +115,8 @@ def test_metrics_have_what_is_known(it):
 
 def test_metrics_have_the_measured_motion_and_temperature():
     it, _ = observer(battery=[(10.0, 0.0), (12.0, 100.0)])
-    it.take(Feedback(distances=(0.0, 0.0)), 1.0)
-    it.take(Feedback(distances=(0.01, 0.04), voltage=11.0, temperature=41.5), 1.1)
+    it.update(Feedback(distances=(0.0, 0.0)), 1.0)
+    it.update(Feedback(distances=(0.01, 0.04), voltage=11.0, temperature=41.5), 1.1)
     metrics = it.metrics(7.0, ())
     assert metrics.power == {"battery_percent": 50.0, "voltage": 11.0, "temperature": 41.5}
     assert metrics.navigation["speed"] == pytest.approx((0.02 + 0.04) / 2 / 0.1)
@@ -126,14 +126,14 @@ def test_metrics_have_the_measured_motion_and_temperature():
 
 
 def test_a_temperature_that_is_not_told_any_more_is_unknown(it):
-    it.take(Feedback(temperature=41.5), 1.0)
-    it.take(Feedback(), 1.1)
+    it.update(Feedback(temperature=41.5), 1.0)
+    it.update(Feedback(), 1.1)
     assert "temperature" not in it.metrics(7.0, ()).power
 
 
 def test_what_gives_no_motion_leaves_the_last_one(it):
-    it.take(Feedback(distances=(0.0, 0.0)), 1.0)
-    assert it.take(Feedback(distances=(0.01, 0.02)), 1.1).speed == it.speed
+    it.update(Feedback(distances=(0.0, 0.0)), 1.0)
+    assert it.update(Feedback(distances=(0.01, 0.02)), 1.1).speed == it.speed
     speed = it.speed
-    assert it.take(Feedback(distances=(50.0, 50.0)), 1.2) is None, "a jump"
+    assert it.update(Feedback(distances=(50.0, 50.0)), 1.2) is None, "a jump"
     assert (it.speed, math.isfinite(it.yaw_rate)) == (speed, True)

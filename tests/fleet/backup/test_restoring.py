@@ -95,7 +95,7 @@ def test_a_fleet_file_that_differs_is_refused_before_anything_is_written(backup,
 def test_the_state_of_an_edge_that_runs_is_not_touched(backup, tmp_path):
     restored(backup, tmp_path / "yard-1")
     edge = FileLock(tmp_path / "yard-1" / SPOOL)
-    edge.take()
+    edge.acquire()
     try:
         with pytest.raises(BackupError, match="stop it first"):
             restored(backup, tmp_path / "yard-1", replace=True)

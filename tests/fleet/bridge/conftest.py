@@ -39,9 +39,9 @@ class FakePort:
             self.emergencies.append(payload)
         self.unread.append(unread)
         stops = bool(unread) or b'"stop"' in payload or b'"emergency_stop"' in payload
-        return Request(partial(self.take, (kind, payload, request_id)), stops, self.once)
+        return Request(partial(self.handle, (kind, payload, request_id)), stops, self.once)
 
-    def take(self, what, answer):
+    def handle(self, what, answer):
         self.received.append(what)
         reply = self.answers(*what[:2])
         if reply is not None:

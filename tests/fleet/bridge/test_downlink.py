@@ -53,7 +53,7 @@ class Bench:
     def arrive(self, *messages):
         """Let messages come in one read, and take them."""
         self.downlink.arrived(list(messages))
-        self.downlink.take()
+        self.downlink.dispatch()
 
 
 @pytest.fixture
@@ -231,7 +231,7 @@ def test_a_stop_waits_for_no_more_than_came_before_it_though_the_flood_goes_on(
     accepting.answers = lambda _kind, _payload: clock.advance(TIME_SLICE / 3)
     bench.downlink.arrived([command("before")] * 20 + [command("stop"), command("stop")])
     for _ in range(100):
-        bench.downlink.take()
+        bench.downlink.dispatch()
         bench.downlink.arrived([command("after")] * 20)  # another thread keeps the inbox full
     names = [json.loads(payload)["command"] for _, payload, _ in accepting.received]
     assert names[:21] == ["before"] * 20 + ["stop"]
@@ -245,10 +245,10 @@ def test_a_stop_that_waits_takes_no_later_ones_place_once_motion_stands_between(
     ports[OTHER].answers = lambda *_: bench.clock.advance(2 * TIME_SLICE)  # one message a slice
     other = command("beep", topic=f"cyberwave/twin/{OTHER}/command")
     bench.downlink.arrived([other, other, command("stop")])
-    bench.downlink.take()
-    bench.downlink.take()
+    bench.downlink.dispatch()
+    bench.downlink.dispatch()
     bench.downlink.arrived([command("takeoff"), command("stop"), command("stop")])
-    bench.downlink.take()
+    bench.downlink.dispatch()
     assert [json.loads(payload)["command"] for _, payload, _ in rex.received] == ["stop", "takeoff", "stop"]
     assert bench.downlink.refusals.counts() == {"too many": 1}
 
@@ -277,7 +277,7 @@ def test_how_a_command_ended_that_was_accepted_is_published_to_all_subscribers_o
     bench, rex, inbox, correlation, named
 ):
     ends = []
-    rex.take = lambda _what, answer: ends.append(answer)
+    rex.handle = lambda _what, answer: ends.append(answer)
     bench.arrive(command("takeoff", response_topic=inbox, correlation=correlation))
     (answer,) = ends
     answer(Reply("takeoff", ReplyStatus.ACCEPTED))
@@ -375,7 +375,7 @@ def test_an_emergency_stop_is_seen_before_the_loop_runs(bench, rex):
     bench.downlink.arrived([command("emergency_stop")])
     assert len(rex.emergencies) == 1
     assert rex.received == []
-    bench.downlink.take()
+    bench.downlink.dispatch()
     assert len(rex.received) == 1
 
 
@@ -393,7 +393,7 @@ def test_a_robot_that_fails_to_take_a_message_does_not_keep_the_next_one_waiting
     def broken(*_):
         raise RuntimeError("no desk")
 
-    rex.take = broken
+    rex.handle = broken
     bench.arrive(command("takeoff"), command("takeoff", topic=f"cyberwave/twin/{OTHER}/command"))
     assert len(ports[OTHER].received) == 1
     assert "could not be dispatched" in caplog.text
@@ -423,7 +423,7 @@ def test_a_mission_reaches_the_robot_whose_reports_tell_its_status(bench, rex):
 def test_how_long_a_command_took_is_noted(bench, accepting, clock):
     bench.downlink.arrived([command("land")])
     clock.advance(0.03)
-    bench.downlink.take()
+    bench.downlink.dispatch()
     latencies = bench.downlink.latencies["rex"]
     assert (latencies.count, latencies.total) == (1, pytest.approx(0.03))
     assert bench.downlink.answered == {"accepted": 1}
@@ -510,7 +510,7 @@ def test_large_messages_wait_within_a_bound_and_stops_beyond_it(bench, accepting
     monkeypatch.setattr("fleet.bridge.downlink.MOST_BYTES", 1000)
     large = CloudMessage(f"{T}/command", b'{"command": "' + b"x" * 600)
     bench.downlink.arrived([large] * 9 + [command("stop")])
-    bench.downlink.take()
+    bench.downlink.dispatch()
     assert bench.downlink.refusals.counts()["too many"] == 7
     assert b"stop" in accepting.received[-1][1]
     bench.arrive(command("beep"))
@@ -521,7 +521,7 @@ def test_a_flood_leaves_the_loop_its_turns_and_keeps_its_order(bench, accepting,
     accepting.answers = lambda _kind, _payload: clock.advance(TIME_SLICE / 3)
     bench.downlink.arrived([command(f"c{number}") for number in range(12)])
     turns = 1
-    while bench.downlink.take():
+    while bench.downlink.dispatch():
         bench.downlink.arrived([command(f"c{12 + turns}")])  # another thread reads on
         turns += 1
         assert turns < 20

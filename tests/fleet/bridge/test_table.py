@@ -160,7 +160,7 @@ class World:
     def hear(self, suffix, message, **properties):
         topic = self.topics.twin(_uuid(suffix), suffix.replace("+", "twin_added"))
         self.bridge.downlink.arrived([CloudMessage(topic, json.dumps(message).encode(), **properties)])
-        self.bridge.downlink.take()
+        self.bridge.downlink.dispatch()
 
     def tell(self, channel, sample):
         uuid = PLACE if channel.startswith("environment") else TWIN

@@ -32,7 +32,7 @@ def up(metrics):
 def test_a_scraper_reads_all_edges_also_those_that_are_gone(metrics, clock):
     now = clock.time()
     summary = Summary("b", "1.0", now, 1.0, "north", robots={"ok": 17, "offline": 3}, troubles=(HUB,))
-    metrics.take([SeenEdge("b", True, now, summary, now), SeenEdge("c", False, now, summary, now)])
+    metrics.update([SeenEdge("b", True, now, summary, now), SeenEdge("c", False, now, summary, now)])
     seen = scraped(metrics.port)
     assert (seen["fleet_edge_up", "b", Reach.UP], seen["fleet_edge_up", "c", Reach.GONE]) == (1, 0)
     assert seen["fleet_edge_robots", "b", "offline"] == 3
@@ -46,11 +46,11 @@ def test_before_the_first_look_there_are_no_edges(metrics):
 
 def test_what_is_read_is_as_old_as_the_last_look_and_ages_by_the_clock(metrics, clock):
     now = clock.time()
-    metrics.take([SeenEdge("b", True, now, Summary("b", "1.0", now, 1.0), now)])
+    metrics.update([SeenEdge("b", True, now, Summary("b", "1.0", now, 1.0), now)])
     assert up(metrics) == {("b", Reach.UP): 1.0}
     clock.advance(3600.0)
     assert up(metrics) == {("b", Reach.SILENT): 0.0}
-    metrics.take([])
+    metrics.update([])
     assert up(metrics) == {}
 
 

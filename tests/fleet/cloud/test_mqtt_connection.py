@@ -39,7 +39,7 @@ class Broker:
         self.begin = lambda: None
         self._decoder = PacketDecoder(None, 10_000)
 
-    def take(self):
+    def dispatch(self):
         """Be who takes what is handed over."""
         self.taken.set()
         self.begin()
@@ -69,7 +69,9 @@ def box(clock):
 async def connection(ends, broker, clock, box):
     """Be connected, with the settings that an edge has by itself."""
     session = MqttSession(SETTINGS, {}, box, CloudStats())
-    one = MqttConnection(ends[0], session, SETTINGS, clock, deliver=broker.handed.extend, take=broker.take)
+    one = MqttConnection(
+        ends[0], session, SETTINGS, clock, deliver=broker.handed.extend, dispatch=broker.dispatch
+    )
     broker.say(mqtt5.ConnAckPacket())
     await asyncio.wait_for(one.ready, WITHIN)
     broker.taken.clear()
@@ -325,7 +327,9 @@ async def test_a_connection_that_has_ended_is_freed_without_the_garbage_collecto
 ):
     box = OutboundQueue(Spool(SpoolSettings(), clock), 1000, 10**6, CloudStats(), clock)
     session = MqttSession(SETTINGS, {}, box, CloudStats())
-    one = MqttConnection(ends[0], session, SETTINGS, clock, deliver=broker.handed.extend, take=broker.take)
+    one = MqttConnection(
+        ends[0], session, SETTINGS, clock, deliver=broker.handed.extend, dispatch=broker.dispatch
+    )
     broker.say(mqtt5.ConnAckPacket())
     await asyncio.wait_for(one.ready, WITHIN)
     await ends_by(one, broker)

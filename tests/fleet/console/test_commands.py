@@ -28,7 +28,7 @@ def robot(name, x=0.0, z=0.0, *, placed=True):
 def view():
     view = FleetView()
     for each in (robot("rex", x=5.0), robot("drone", z=7.0), robot("lost", placed=False)):
-        view.take_state(each, 10.0)
+        view.update_state(each, 10.0)
     return view
 
 

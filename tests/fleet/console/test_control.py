@@ -18,7 +18,7 @@ REX = "yard/rex"
 @pytest.fixture
 def view():
     view = FleetView()
-    view.take_state(RobotState("rex", "t", "toy", "yard", 5.0, control="anna"), 1.0)
+    view.update_state(RobotState("rex", "t", "toy", "yard", 5.0, control="anna"), 1.0)
     return view
 
 
@@ -54,7 +54,7 @@ def test_nobody_else_answers_for_who_was_asked_and_nobody_twice(view):
     ],
 )
 def test_where_there_is_nobody_to_ask_it_is_said(view, change, operator, expected):
-    view.take_state(msgspec.structs.replace(view.states[REX], **change), 2.0)
+    view.update_state(msgspec.structs.replace(view.states[REX], **change), 2.0)
     with pytest.raises(Refused, match=expected):
         request(view, operator)
 

@@ -36,7 +36,7 @@ def arrived():
 @pytest.fixture
 def queries(session, arrived):
     view = FleetView()
-    view.take_state(RobotState("rex", "", "toy", "yard-1", 1.0), 0.0)
+    view.update_state(RobotState("rex", "", "toy", "yard-1", 1.0), 0.0)
     return EdgeQueries(
         view, lambda _edge: session, lambda: {"yard-1": session}, lambda *sample: arrived.append(sample)
     )

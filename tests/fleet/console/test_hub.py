@@ -20,7 +20,7 @@ async def hub(tmp_path):
 async def test_a_page_that_reads_slowly_gets_the_newest_and_no_queue(hub):
     _, seen = hub.updates_since(0)
     for number in range(1000):
-        hub.view.take_state(state(number), 10.0)
+        hub.view.update_state(state(number), 10.0)
         hub.update()
     message, seen = hub.updates_since(seen)
     assert (message.count(b"mode-"), b"mode-999" in message) == (1, True)
@@ -28,15 +28,15 @@ async def test_a_page_that_reads_slowly_gets_the_newest_and_no_queue(hub):
 
 
 async def test_pages_that_have_seen_the_same_share_one_message(hub):
-    hub.view.take_state(state(1), 10.0)
+    hub.view.update_state(state(1), 10.0)
     hub.update()
     assert hub.updates_since(0)[0] is hub.updates_since(0)[0]
 
 
 async def test_a_change_within_a_tick_is_not_lost(hub):
-    hub.view.take_state(state(1), 10.0)
+    hub.view.update_state(state(1), 10.0)
     _, seen = hub.updates_since(0)
-    hub.view.take_state(state(2), 10.0)
+    hub.view.update_state(state(2), 10.0)
     first, again = hub.updates_since(0)
     assert (b"mode-1" in first, again) == (True, seen)
     hub.update()

@@ -20,8 +20,8 @@ def photo(stamp=1.0, image=JPEG):
 
 
 def test_the_newest_picture_is_kept_whatever_comes_last(photos):
-    assert photos.take("yard/rex", photo(2.0, JPEG + b"2")) == {"stamp": 2.0, "width": 4, "height": 3}
-    assert photos.take("yard/rex", photo(1.0, JPEG + b"1")) is None
+    assert photos.store("yard/rex", photo(2.0, JPEG + b"2")) == {"stamp": 2.0, "width": 4, "height": 3}
+    assert photos.store("yard/rex", photo(1.0, JPEG + b"1")) is None
     assert photos.newest("yard/rex") == JPEG + b"2"
     assert photos.newest("yard/max") is None
 
@@ -31,14 +31,14 @@ def test_the_newest_picture_is_kept_whatever_comes_last(photos):
     [b"", b"garbage", photo(image=b"<svg onload=alert(1)>"), photo(image=b"\x89PNG\r\n"), photo(image=b"")],
 )
 def test_what_is_no_picture_is_left_out(photos, sample):
-    assert photos.take("yard/rex", sample) is None
+    assert photos.store("yard/rex", sample) is None
     assert photos.newest("yard/rex") is None
 
 
 def test_pictures_are_bounded_in_size_and_number(photos, monkeypatch):
     for number in range(MOST + 1):
-        photos.take(f"yard/{number}", photo())
+        photos.store(f"yard/{number}", photo())
     assert photos.newest("yard/0") is None
     assert photos.newest(f"yard/{MOST}") == JPEG
     monkeypatch.setattr(module, "LARGEST", 10)
-    assert photos.take("yard/rex", photo(image=JPEG + bytes(8))) is None
+    assert photos.store("yard/rex", photo(image=JPEG + bytes(8))) is None

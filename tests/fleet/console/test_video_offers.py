@@ -28,16 +28,16 @@ async def waiting(offers):
 
 
 async def test_the_next_offer_goes_to_who_waits_for_it(offers, waiting):
-    offers.take("yard-1/beast", sample(sdp="another robot's"))
-    offers.take(REX, sample(sdp="v=0", sensor="front", target="console"))
+    offers.receive("yard-1/beast", sample(sdp="another robot's"))
+    offers.receive(REX, sample(sdp="v=0", sensor="front", target="console"))
     assert await waiting == VideoOffer("v=0", "front")
 
 
 @pytest.mark.parametrize("bad", [b"", b"{", b"[]", sample(sensor="front"), b"x" * (LARGEST + 1)])
 async def test_what_cannot_be_read_is_left_and_the_next_one_counts(offers, waiting, bad):
-    offers.take(REX, bad)
-    offers.take(REX, sample(sdp="v=0"))
-    offers.take(REX, sample(sdp="v=1"))
+    offers.receive(REX, bad)
+    offers.receive(REX, sample(sdp="v=0"))
+    offers.receive(REX, sample(sdp="v=1"))
     assert (await waiting).sdp == "v=0"
 
 
@@ -51,6 +51,6 @@ async def test_a_second_page_is_refused_because_both_would_answer(offers, waitin
 
 
 async def test_an_offer_that_nobody_waits_for_is_left(offers):
-    offers.take(REX, sample(sdp="v=0"))
+    offers.receive(REX, sample(sdp="v=0"))
     with pytest.raises(TimedOut):
         await offers.next(REX, within=0.0)

@@ -37,8 +37,8 @@ class PlayedBus:
 @pytest.fixture
 def watched():
     view, bus = FleetView(), PlayedBus()
-    view.take_state(RobotState("rex", TWIN, "toy", "yard", 1.0), 1.0)
-    view.take_state(RobotState("odd", "**", "toy", "yard", 1.0), 1.0)
+    view.update_state(RobotState("rex", TWIN, "toy", "yard", 1.0), 1.0)
+    view.update_state(RobotState("odd", "**", "toy", "yard", 1.0), 1.0)
     joined = {"yard": bus}
     return WatchedReports(view, joined), view, bus, joined
 
@@ -49,20 +49,20 @@ def test_a_watched_robots_numbers_are_shown_the_newest_of_each(watched):
     reports.watch({"yard/rex"})
     bus.report("battery", percent=80)
     bus.report("imu", gyro={"x": 0.1})
-    reports.take()
+    reports.apply_received()
     bus.report("battery", percent=79)
-    reports.take()
+    reports.apply_received()
     assert view.get("numbers", "yard/rex") == {"battery.percent": 79, "imu.gyro.x": 0.1}
 
 
 def test_the_speed_of_its_state_is_one_of_its_numbers_while_it_is_known(watched):
     reports, view, _, _ = watched
     reports.watch({"yard/rex"})
-    view.take_state(RobotState("rex", TWIN, "toy", "yard", 2.0, speed=0.5), 2.0)
-    reports.take()
+    view.update_state(RobotState("rex", TWIN, "toy", "yard", 2.0, speed=0.5), 2.0)
+    reports.apply_received()
     assert view.get("numbers", "yard/rex") == {"speed": 0.5}
-    view.take_state(RobotState("rex", TWIN, "toy", "yard", 3.0), 3.0)
-    reports.take()
+    view.update_state(RobotState("rex", TWIN, "toy", "yard", 3.0), 3.0)
+    reports.apply_received()
     assert view.get("numbers", "yard/rex") == {}
 
 
@@ -79,7 +79,7 @@ def test_a_robot_is_heard_again_by_the_bus_that_is_joined_anew(watched):
     again = joined["yard"] = PlayedBus()
     reports.watch({"yard/rex"})
     again.report("battery", percent=50)
-    reports.take()
+    reports.apply_received()
     assert view.get("numbers", "yard/rex") == {"battery.percent": 50}
 
 
@@ -93,11 +93,11 @@ def test_the_last_picture_of_a_watched_robot_is_asked_for_and_newer_ones_replace
     reports, view, bus, _ = watched
     bus.photo = encode_report(PhotoReport(1.0, b"\xff\xd8\xff1", "jpeg", 4, 3), 1)
     reports.watch({"yard/rex"})
-    reports.take()
+    reports.apply_received()
     assert view.get("photos", "yard/rex") == {"stamp": 1.0, "width": 4, "height": 3}
     newer = encode_report(PhotoReport(2.0, b"\xff\xd8\xff2", "jpeg", 4, 3), 2)
     next(iter(bus.heard.values()))(f"cw/{TWIN}/data/photo", newer)
-    reports.take()
+    reports.apply_received()
     assert view.get("photos", "yard/rex")["stamp"] == 2.0
     assert reports.photos.newest("yard/rex") == b"\xff\xd8\xff2"
     assert view.get("numbers", "yard/rex") is None

@@ -160,7 +160,7 @@ class Rig:
 
     def over_mqtt(self, suffix, payload, **properties):
         self.downlink.arrived([CloudMessage(f"{T}/{suffix}", payload, **properties)])
-        self.downlink.take()
+        self.downlink.dispatch()
 
     def over_the_bus(self, payload, **parameters):
         self.bus_session.request(keys.command("yard", "rex"), payload, **parameters)

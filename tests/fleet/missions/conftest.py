@@ -40,17 +40,17 @@ class Play:
         ]
         self.engine = Engine("run", self.program, members)
         for robot in (*robots, *spares):
-            self.take(Facts(robot, "ok", 80.0, (0.0, 0.0, 0.0)))
-        self.take(Start())
+            self.handle(Facts(robot, "ok", 80.0, (0.0, 0.0, 0.0)))
+        self.handle(Start())
 
-    def take(self, event):
+    def handle(self, event):
         self.effects += self.engine.handle(event, self.now)
         return self
 
     def wait(self, seconds):
         """Let time pass."""
         self.now += seconds
-        return self.take(Tick())
+        return self.handle(Tick())
 
     def begun(self):
         """Return what was begun: robot and words, in order."""
@@ -70,7 +70,7 @@ class Play:
         parts = [part for part in self.engine.robots.active() if part.robot == robot]
         found = [part for part in parts if words in (None, part.act.words)]
         assert found, f"{robot} does nothing: {self.begun()}"
-        return self.take(Replied(found[0].identity, outcome, reason))
+        return self.handle(Replied(found[0].identity, outcome, reason))
 
     def stands(self, *robots):
         """Let robots be seen standing."""

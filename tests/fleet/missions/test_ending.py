@@ -27,7 +27,7 @@ EVERYBODY = ("kestrel", "beast", "rover")
 def fails(run):
     """Let a step of a run fail."""
     run.engine.ending.fail("so it was", run.now)
-    return run.take(Tick())
+    return run.handle(Tick())
 
 
 def words(run, robot):
@@ -48,14 +48,14 @@ def test_a_run_that_fails_ends_once_its_robots_stand(play):
 
 
 def test_the_first_reason_of_an_end_is_the_one_that_stays(play):
-    run = fails(play(do(), on_abort="land")).take(Abort("anna"))
+    run = fails(play(do(), on_abort="land")).handle(Abort("anna"))
     assert words(run, "kestrel") == ["goto", "stop"]
     run.stands(*EVERYBODY)
     assert (run.ended, run.engine.head.reason) == (RunOutcome.FAILED, "so it was")
 
 
 def test_a_question_is_withdrawn_when_the_run_ends(play):
-    run = play(Ask("sure", "Go on?", 30.0)).take(Abort("anna"))
+    run = play(Ask("sure", "Go on?", 30.0)).handle(Abort("anna"))
     assert run.engine.head.question is None
 
 
@@ -95,7 +95,7 @@ def test_a_robot_for_which_nothing_is_said_to_undo_a_step_stands(play):
 @pytest.mark.parametrize("robot", ["beast", "kestrel"])
 def test_a_robot_that_failed_is_undone_as_well_and_one_that_was_lost_is_not(play, robot):
     run = play(do(undo=LAND), on_failure="undo", quorum={})
-    run.reply("beast", PartOutcome.FAILED, "no").take(Left("kestrel", PartOutcome.LOST, "gone"))
+    run.reply("beast", PartOutcome.FAILED, "no").handle(Left("kestrel", PartOutcome.LOST, "gone"))
     fails(run).stands("beast", "rover")
     assert ("land" in words(run, robot)) is (robot == "beast")
 
@@ -138,13 +138,13 @@ def test_on_failure_stop_sets_the_emergency_stop_of_all_and_commands_nobody(play
 def test_on_failure_stop_of_nobody_stops_nobody(play):
     run = play(do(), on_failure="stop", quorum={})
     for robot in EVERYBODY:
-        run.take(Left(robot, PartOutcome.LOST, "gone"))
+        run.handle(Left(robot, PartOutcome.LOST, "gone"))
     assert run.of(EmergencyStop) == []
 
 
 @pytest.mark.parametrize(("on_abort", "word"), [("hold", "stop"), ("land", "land"), ("sit_down", "sit_down")])
 def test_an_abort_does_what_the_mission_says(play, on_abort, word):
-    run = play(do(), on_abort=on_abort).take(Abort("anna"))
+    run = play(do(), on_abort=on_abort).handle(Abort("anna"))
     assert run.begun()[3:] == [(robot, word) for robot in EVERYBODY]
     for robot in EVERYBODY:
         run.reply(robot)
@@ -152,11 +152,11 @@ def test_an_abort_does_what_the_mission_says(play, on_abort, word):
 
 
 def test_an_abort_by_nobody_known_says_so(play):
-    assert play(do()).take(Abort()).engine.head.reason == "aborted by an unknown sender"
+    assert play(do()).handle(Abort()).engine.head.reason == "aborted by an unknown sender"
 
 
 def test_who_cannot_do_what_is_said_of_an_abort_is_halted(play):
-    run = play(do(), on_abort="sit_down").take(Abort("anna"))
+    run = play(do(), on_abort="sit_down").handle(Abort("anna"))
     run.reply("beast", PartOutcome.REFUSED, "it has a fault").reply("kestrel").reply("rover")
     assert run.begun()[-1] == ("beast", "stop")
     run.stands("beast")
@@ -178,9 +178,9 @@ def test_who_does_not_stand_is_told_with_the_outcome(play):
 def test_a_robot_that_lands_is_left_to_it_and_waited_for(play, end):
     run = play(do(acts=LAND), on_abort="takeoff")
     if end == "abort":
-        run.take(Abort("anna"))
+        run.handle(Abort("anna"))
     elif end == "stop":
-        run.take(StopAll((), "anna"))
+        run.handle(StopAll((), "anna"))
     else:
         fails(run)
     assert run.begun() == [(robot, "land") for robot in EVERYBODY]
@@ -193,12 +193,12 @@ def test_an_emergency_stop_breaks_off_an_undo_and_an_abort(play):
     run = play(do(undo=TAKEOFF), on_failure="undo")
     fails(run).stands(*EVERYBODY)
     assert run.engine.head.phase is Phase.UNDOING
-    run.take(StopAll(("beast",), "ben"))
+    run.handle(StopAll(("beast",), "ben"))
     assert words(run, "kestrel") == ["goto", "stop", "takeoff", "stop"]
     assert words(run, "beast") == ["goto", "stop", "takeoff"]
     run.stands("kestrel", "rover")
     assert (run.ended, run.engine.head.reason) == (RunOutcome.ABORTED, "emergency stop: ben")
-    run = play(do(), on_abort="takeoff").take(Abort("anna")).take(StopAll(("beast",), "ben"))
+    run = play(do(), on_abort="takeoff").handle(Abort("anna")).handle(StopAll(("beast",), "ben"))
     assert run.begun()[-2:] == [("kestrel", "stop"), ("rover", "stop")]
 
 
@@ -226,14 +226,14 @@ def test_after_its_end_nothing_ends_it_again(play):
     run.engine.ending.close(RunOutcome.COMPLETED, "")
     run.engine.ending.abort("later", 1.0)
     run.engine.ending.check(1.0)
-    run.take(StopAll(EVERYBODY, "ben")).take(Pause("anna"))
+    run.handle(StopAll(EVERYBODY, "ben")).handle(Pause("anna"))
     assert (run.effects, run.engine.head.outcome) == ([], RunOutcome.FAILED)
 
 
 def test_a_run_that_is_closed_gives_up_what_is_under_way(play):
     run = play(do())
     run.engine.ending.close(RunOutcome.UNKNOWN, "the edge failed")
-    run.take(Tick())
+    run.handle(Tick())
     parts = run.engine.robots.parts_of("go.1")
     assert {(part.outcome, part.reason) for part in parts} == {(PartOutcome.UNKNOWN, "the run ended")}
     assert run.ended is RunOutcome.UNKNOWN
@@ -249,7 +249,7 @@ def test_a_run_that_is_closed_asks_nothing_more(play):
 def test_a_run_whose_robots_were_all_stopped_one_by_one_is_aborted_and_nothing_is_undone(play):
     run = play(do("up", acts=TAKEOFF, undo=LAND), on_failure="undo")
     for robot in EVERYBODY:
-        run.take(Left(robot, PartOutcome.STOPPED, "emergency stop"))
+        run.handle(Left(robot, PartOutcome.STOPPED, "emergency stop"))
     head = run.engine.head
     assert (head.phase, head.outcome) == (Phase.ENDED, RunOutcome.ABORTED)
     assert head.reason.startswith("emergency stop: ")

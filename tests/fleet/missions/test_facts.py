@@ -15,7 +15,7 @@ HERE = (1.0, 2.0, 3.0)
 def seen(*facts):
     known = RobotFacts()
     for each in facts:
-        known.take(each)
+        known.replace(each)
     return known
 
 
@@ -31,9 +31,9 @@ def test_of_a_robot_never_seen_nothing_is_known():
 def test_the_newest_facts_replace_those_before_which_are_returned():
     known = RobotFacts()
     first, second = Facts("rex", position=HERE), Facts("rex", position=(4.0, 5.0, 6.0))
-    assert known.take(first) is None
-    assert known.take(Facts("ada")) is None
-    assert known.take(second) is first
+    assert known.replace(first) is None
+    assert known.replace(Facts("ada")) is None
+    assert known.replace(second) is first
     assert known.position("rex") == (4.0, 5.0, 6.0)
 
 

@@ -56,13 +56,13 @@ def restarted(play):
     )
     play.effects.clear()
     for robot in EVERYBODY:
-        play.take(Facts(robot, "ok", 80.0, (0.0, 0.0, 0.0)))
-    return play.take(Restarted())
+        play.handle(Facts(robot, "ok", 80.0, (0.0, 0.0, 0.0)))
+    return play.handle(Restarted())
 
 
 def test_one_robot_refuses_in_prepare(play):
     run = play(do(together=True))
-    run.take(RobotPrepared("kestrel")).take(RobotPrepared("beast", "the goal is outside its fence"))
+    run.handle(RobotPrepared("kestrel")).handle(RobotPrepared("beast", "the goal is outside its fence"))
     assert all(words == "stop" for _, words in run.begun()), "nobody moved"
     run.stands(*EVERYBODY)
     assert run.ended is RunOutcome.FAILED
@@ -92,7 +92,7 @@ def test_below_its_quorum_the_run_fails(play):
 
 def test_its_link_falls(play):
     run = play(do(), do("home"))
-    run.take(Left("rover", PartOutcome.LOST, "no heartbeat for 3 s"))
+    run.handle(Left("rover", PartOutcome.LOST, "no heartbeat for 3 s"))
     run.reply("kestrel").reply("beast").reply("kestrel").reply("beast")
     assert run.ended is RunOutcome.WITH_LOSSES
     assert [words for robot, words in run.begun() if robot == "rover"] == ["goto"], "not commanded again"
@@ -100,7 +100,7 @@ def test_its_link_falls(play):
 
 def test_pilot_or_other_operator_takes_it(play):
     run = play(do(undo=LAND), on_failure="undo")
-    run.take(Left("kestrel", PartOutcome.TAKEN, "authority lost: pilot"))
+    run.handle(Left("kestrel", PartOutcome.TAKEN, "authority lost: pilot"))
     run.stands("beast", "rover").reply("beast").reply("rover")
     assert run.ended is RunOutcome.UNDONE
     assert [words for robot, words in run.begun() if robot == "kestrel"] == ["goto"], "no undo for it"
@@ -108,7 +108,7 @@ def test_pilot_or_other_operator_takes_it(play):
 
 def test_emergency_stop_of_one_robot(play):
     run = play(do(), do("home"))
-    run.take(Left("beast", PartOutcome.STOPPED, "anna"))
+    run.handle(Left("beast", PartOutcome.STOPPED, "anna"))
     run.reply("kestrel").reply("rover").reply("kestrel").reply("rover")
     assert run.ended is RunOutcome.WITH_LOSSES
     assert run.outcomes()["beast"] is PartOutcome.STOPPED
@@ -117,14 +117,14 @@ def test_emergency_stop_of_one_robot(play):
 
 def test_emergency_stop_of_group_edge_or_all(play):
     run = play(do(undo=LAND), on_failure="undo")
-    run.take(StopAll(EVERYBODY, "anna"))
+    run.handle(StopAll(EVERYBODY, "anna"))
     assert run.ended is RunOutcome.ABORTED
     assert {words for _, words in run.begun()} == {"goto"}, "nothing is undone"
 
 
 def test_emergency_stop_of_a_group_with_some_of_its_robots(play):
     run = play(do(undo=LAND), on_failure="undo")
-    run.take(StopAll(("beast", "rover"), "anna"))
+    run.handle(StopAll(("beast", "rover"), "anna"))
     assert run.begun()[-1] == ("kestrel", "stop")
     run.stands("kestrel")
     assert run.ended is RunOutcome.ABORTED
@@ -132,7 +132,7 @@ def test_emergency_stop_of_a_group_with_some_of_its_robots(play):
 
 def test_battery_policy_acts(play):
     run = play(do(), do("home"))
-    run.take(Left("rover", PartOutcome.TAKEN, "return_to_home by battery"))
+    run.handle(Left("rover", PartOutcome.TAKEN, "return_to_home by battery"))
     run.reply("kestrel").reply("beast").reply("kestrel").reply("beast")
     assert run.ended is RunOutcome.WITH_LOSSES
     assert [words for robot, words in run.begun() if robot == "rover"] == ["goto"], "its way home goes on"
@@ -142,7 +142,7 @@ def test_require_is_missed_before_a_step(play):
     from fleet.missions.program import Require  # noqa: PLC0415
 
     run = play(do(), do("home"), require=Require(battery_min=60))
-    run.take(Facts("beast", "ok", 55.0)).reply("kestrel").reply("beast").reply("rover")
+    run.handle(Facts("beast", "ok", 55.0)).reply("kestrel").reply("beast").reply("rover")
     assert run.outcomes()["beast"] is PartOutcome.REFUSED
     assert "55 %, 60 % is required" in run.engine.robots.members["beast"].reason
 
@@ -163,14 +163,14 @@ def test_edge_process_killed_within_a_step(play, policy):
     assert {part.outcome for part in run.engine.robots.parts.values() if part.kind == "do"} == {
         PartOutcome.UNKNOWN
     }
-    run.stands(*EVERYBODY).take(PersonAnswer(1, goes_on=True, by="anna"))
+    run.stands(*EVERYBODY).handle(PersonAnswer(1, goes_on=True, by="anna"))
     assert run.begun()[3:] == [(robot, "goto") for robot in EVERYBODY]
     assert all(part.step.startswith("home") for part in run.engine.robots.active())
 
 
 def test_edge_process_killed_within_the_last_step(play):
     run = restarted(play(do()))
-    run.stands(*EVERYBODY).take(PersonAnswer(1, goes_on=True, by="anna"))
+    run.stands(*EVERYBODY).handle(PersonAnswer(1, goes_on=True, by="anna"))
     assert run.ended is RunOutcome.WITH_LOSSES, "nobody saw that it was completed"
     assert {(each.outcome, each.reason) for each in run.engine.robots.members.values()} == {
         (PartOutcome.UNKNOWN, "the end of step go.1 was not observed")
@@ -201,7 +201,7 @@ def test_edge_process_killed_while_it_is_undone(play):
 def test_what_lands_is_not_broken_off(play):
     land = {"eye": (Act("command", "land", timeout=60.0),), "feet": (Act("goto", [1, 1], timeout=60.0),)}
     run = play(do(acts=land))
-    run.take(Left("beast", PartOutcome.LOST, "x")).take(Left("rover", PartOutcome.LOST, "x"))
+    run.handle(Left("beast", PartOutcome.LOST, "x")).handle(Left("rover", PartOutcome.LOST, "x"))
     assert run.ended is None, "it waits for the landing"
     assert run.begun()[-1] == ("rover", "goto"), "nobody is stopped"
     run.reply("kestrel")
@@ -210,9 +210,9 @@ def test_what_lands_is_not_broken_off(play):
 
 def test_a_place_is_not_free_in_time(play):
     run = play(do(), occupies=("gate",))
-    run.take(PlaceOccupied("gate, which run 7 of patrol has"))
+    run.handle(PlaceOccupied("gate, which run 7 of patrol has"))
     assert run.engine.head.phase is Phase.OCCUPYING
-    run.take(PlaceOccupied(late="gate did not become free in time: run 7 of patrol has it"))
+    run.handle(PlaceOccupied(late="gate did not become free in time: run 7 of patrol has it"))
     assert [words for _, words in run.begun()] == ["stop"] * 3, "nothing was begun"
     run.stands(*EVERYBODY)
     assert run.ended is RunOutcome.FAILED
@@ -220,8 +220,8 @@ def test_a_place_is_not_free_in_time(play):
 
 def test_a_robot_is_lost_that_has_a_spare(play):
     run = play(do(), do("home"), spares={"spot": "feet"}, quorum={"feet": 2})
-    run.take(Left("beast", PartOutcome.LOST, "gone")).reply("kestrel").reply("rover")
-    run.take(Enlisted("spot")).reply("kestrel").reply("rover").reply("spot")
+    run.handle(Left("beast", PartOutcome.LOST, "gone")).reply("kestrel").reply("rover")
+    run.handle(Enlisted("spot")).reply("kestrel").reply("rover").reply("spot")
     assert run.ended is RunOutcome.WITH_LOSSES
     assert run.outcomes()["spot"] == "done"
 
@@ -247,7 +247,7 @@ def test_bus_partition_two_edges(play):
     run = play(do(failed_do="land"), do("home"))
     leases = CoordinatorLeases()
     leases.grant(RobotLeaseRequest("run", "yard", {"rover": run.program.steps[0].failed_do}), 0.0)
-    run.take(Left("rover", PartOutcome.LOST, "edge barn does not answer"))
+    run.handle(Left("rover", PartOutcome.LOST, "edge barn does not answer"))
     assert [(each.robot, each.do) for each in leases.lapsed(LAPSES_AFTER)] == [("rover", "land")]
     assert "rover" not in [robot for robot, _ in run.begun()[3:]]
     run.reply("kestrel").reply("beast").reply("kestrel").reply("beast")
@@ -256,7 +256,7 @@ def test_bus_partition_two_edges(play):
 
 def test_a_person_aborts(play):
     run = play(do(), on_abort="land")
-    run.take(Abort("anna"))
+    run.handle(Abort("anna"))
     assert run.begun()[3:] == [(robot, "land") for robot in EVERYBODY]
     run.reply("kestrel").reply("beast").reply("rover")
     assert run.ended is RunOutcome.ABORTED
@@ -346,8 +346,8 @@ def test_a_mission_within_the_mission_fails(play):
 def test_the_common_start_is_taken_back(play):
     run = play(do(together=True))
     for robot in EVERYBODY:
-        run.take(RobotPrepared(robot))
-    run.take(NotStarted("go.1", "beast: its emergency stop is set")).stands(*EVERYBODY)
+        run.handle(RobotPrepared(robot))
+    run.handle(NotStarted("go.1", "beast: its emergency stop is set")).stands(*EVERYBODY)
     assert run.ended is RunOutcome.FAILED
     assert "no robot moved" in run.engine.head.reason
 

@@ -79,7 +79,7 @@ def test_when_it_fails_its_robots_have_failed_and_the_others_go_on(run):
 
 def test_what_the_step_that_carries_it_says_of_failed_robots_is_done(run):
     found = run(go(), failed_do="land")
-    found.take(Left("beast", PartOutcome.LOST, "no heartbeat"))
+    found.handle(Left("beast", PartOutcome.LOST, "no heartbeat"))
     assert found.begun()[-1] == ("rover", "land")
 
 
@@ -88,7 +88,7 @@ def test_a_person_is_asked_whether_to_go_on_without_it(run):
     found.reply("beast", PartOutcome.FAILED, "no").stands("beast", "rover")
     assert found.engine.head.phase is Phase.ASKING
     assert "Continue without it?" in found.engine.head.question.text
-    found.take(PersonAnswer(1, goes_on=True, by="anna"))
+    found.handle(PersonAnswer(1, goes_on=True, by="anna"))
     assert found.begun()[-1] == ("kestrel", "land")
 
 
@@ -111,9 +111,9 @@ def test_its_deadline_ends_it_and_not_the_run(run):
 
 def test_its_deadline_moves_nobody_while_a_person_has_paused_the_run(run):
     found = run(go(), deadline=30.0)
-    found.take(Pause("anna")).wait(40.0)
+    found.handle(Pause("anna")).wait(40.0)
     assert ("kestrel", "land") not in found.begun()
-    found.take(Resume("anna")).wait(0.2).stands("beast", "rover")
+    found.handle(Resume("anna")).wait(0.2).stands("beast", "rover")
     assert found.begun()[-1] == ("kestrel", "land")
 
 
@@ -127,16 +127,16 @@ def test_a_run_that_has_lost_its_robots_does_not_begin_it(play):
     steps = inner(go())
     found = play(do("first"), Enter("in", "scan", "in.all", 4, {"in.a": 1}), *steps[1:2], Leave(1, "in"))
     found.engine.robots.members["beast"].plays = {"in.a": 0, "in.all": 0}
-    found.take(Left("beast", PartOutcome.LOST, "gone")).reply("kestrel").reply("rover")
+    found.handle(Left("beast", PartOutcome.LOST, "gone")).reply("kestrel").reply("rover")
     assert found.ended is RunOutcome.WITH_LOSSES
     assert [words for _, words in found.begun()].count("goto") == 3
 
 
 def test_pause_and_abort_of_the_run_reach_it(run):
     found = run(go())
-    found.take(Pause("anna"))
+    found.handle(Pause("anna"))
     assert {effect.part.robot for effect in found.of(Hold)} == {"beast", "rover"}
-    found.take(Facts("beast", "ok", 80.0, (0.0, 0.0, 0.0))).take(Resume("anna")).take(Abort("anna"))
+    found.handle(Facts("beast", "ok", 80.0, (0.0, 0.0, 0.0))).handle(Resume("anna")).handle(Abort("anna"))
     found.stands("kestrel", "beast", "rover")
     assert found.ended is RunOutcome.ABORTED
 

@@ -46,7 +46,7 @@ def test_a_run_that_waits_shows_for_what(play):
 
 
 def test_the_end_of_a_run_is_shown_as_it_came(play):
-    run = play(do()).take(StopAll(("kestrel", "beast", "rover"), "ben"))
+    run = play(do()).handle(StopAll(("kestrel", "beast", "rover"), "ben"))
     state = shown(run)
     assert (state.phase, state.outcome, state.reason) == ("ended", "aborted", "emergency stop: ben")
     assert {(each.outcome, each.doing, each.within) for each in state.robots} == {("stopped", "", False)}

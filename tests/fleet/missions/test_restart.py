@@ -32,7 +32,7 @@ def texts(run):
 def fails(run):
     """Let a step of a run fail."""
     run.engine.ending.fail("so it was", run.now)
-    return run.take(Tick())
+    return run.handle(Tick())
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_an_end_that_a_restart_cut_off_is_held_and_undoes_nothing_more(play, pha
         run.stands(*EVERYBODY)
     assert run.engine.head.phase is phase
     before = len(run.begun())
-    run.take(Restarted())
+    run.handle(Restarted())
     assert run.begun()[before:] == [(robot, "stop") for robot in EVERYBODY]
     run.stands(*EVERYBODY)
     assert (run.ended, run.engine.head.reason) == (outcome, reason)
@@ -58,8 +58,8 @@ def test_an_end_that_a_restart_cut_off_is_held_and_undoes_nothing_more(play, pha
 
 @pytest.mark.parametrize("later", [False, True])
 def test_a_robot_whose_last_step_nobody_saw_to_its_end_is_not_said_to_have_done_it(play, later):
-    run = play(do(), *([do("home")] if later else [])).take(Restarted())
-    run.stands(*EVERYBODY).wait(1.0).take(PersonAnswer(1, goes_on=True, by="anna"))
+    run = play(do(), *([do("home")] if later else [])).handle(Restarted())
+    run.stands(*EVERYBODY).wait(1.0).handle(PersonAnswer(1, goes_on=True, by="anna"))
     for robot in EVERYBODY if later else ():
         run.reply(robot)
     assert run.ended is (RunOutcome.COMPLETED if later else RunOutcome.WITH_LOSSES)
@@ -77,7 +77,7 @@ def test_a_robot_whose_last_step_nobody_saw_to_its_end_is_not_said_to_have_done_
     ],
 )
 def test_a_restart_between_steps_follows_the_mission(play, policy, phase, about):
-    run = play(Wait("rest", 30.0), do(), on_restart=policy).take(Restarted())
+    run = play(Wait("rest", 30.0), do(), on_restart=policy).handle(Restarted())
     question = run.engine.head.question
     assert (run.engine.head.phase, question and question.about) == (phase, about)
     assert "The edge restarted; the outcome of active commands is unknown" in texts(run)
@@ -92,8 +92,8 @@ def test_a_restart_between_steps_follows_the_mission(play, policy, phase, about)
 def test_a_restart_within_a_step_halts_and_asks_whatever_the_mission_says(play, policy, paused):
     run = play(do(), do("home"), on_restart=policy)
     if paused:
-        run.take(Pause("anna"))
-    run.take(Restarted())
+        run.handle(Pause("anna"))
+    run.handle(Restarted())
     assert run.begun()[3:] == [(robot, "stop") for robot in EVERYBODY]
     assert {part.outcome for part in run.engine.robots.parts_of("go.1")} == {PartOutcome.UNKNOWN}
     assert run.engine.head.phase is Phase.ASKING
@@ -104,7 +104,7 @@ def test_a_restart_within_a_step_halts_and_asks_whatever_the_mission_says(play, 
 def test_a_question_that_was_open_stays_open_after_a_restart(play):
     run = play(Ask("sure", "Go on?", 30.0), do())
     before = run.engine.head.question
-    run.take(Restarted())
+    run.handle(Restarted())
     assert (run.engine.head.phase, run.engine.head.question) == (Phase.ASKING, before)
 
 

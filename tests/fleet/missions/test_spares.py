@@ -27,7 +27,7 @@ MISSION = {
 def lost(play, spares=SPARES):
     """Play a run whose beast is lost in the first step, and whose step is over."""
     run = play(do(), do("home"), spares=spares, quorum={"eye": 1, "feet": 2})
-    run.take(Left("beast", PartOutcome.LOST, "no heartbeat"))
+    run.handle(Left("beast", PartOutcome.LOST, "no heartbeat"))
     assert run.engine.head.phase is Phase.STEP, "it may still come to its quorum"
     return run.reply("kestrel").reply("rover")
 
@@ -36,7 +36,7 @@ def test_it_is_asked_between_two_steps_and_takes_the_place(play):
     run = lost(play)
     assert [each.robot for each in run.of(Enlist)] == ["spot"]
     assert ("kestrel", "goto") not in run.begun()[3:], "the others wait for it"
-    run.take(Enlisted("spot"))
+    run.handle(Enlisted("spot"))
     assert [robot for robot, _ in run.begun()[3:]] == ["kestrel", "rover", "spot"]
     member = run.engine.robots.members["spot"]
     assert (member.index, member.spare, member.ours) == (
@@ -52,14 +52,14 @@ def test_it_is_asked_between_two_steps_and_takes_the_place(play):
 
 def test_one_that_refuses_is_left_alone_and_the_next_is_asked(play):
     run = lost(play, {"spot": "feet", "tank": "feet"})
-    run.take(Enlisted("spot", "it is in run 7"))
+    run.handle(Enlisted("spot", "it is in run 7"))
     assert [each.robot for each in run.of(Enlist)] == ["spot", "tank"]
-    run.take(Enlisted("tank"))
+    run.handle(Enlisted("tank"))
     assert ("tank", "goto") in run.begun()
 
 
 def test_without_any_spare_left_the_run_fails(play):
-    run = lost(play).take(Enlisted("spot", "anna has control")).stands("kestrel", "rover")
+    run = lost(play).handle(Enlisted("spot", "anna has control")).stands("kestrel", "rover")
     assert run.ended is RunOutcome.FAILED
     assert run.engine.head.reason == "role feet has 1 of the 2 robots that it needs"
     assert "spot" not in dict(run.begun())
@@ -69,20 +69,20 @@ def test_one_that_does_not_answer_is_not_waited_for_for_ever(play):
     run = lost(play).wait(11.0).stands("kestrel", "rover")
     assert run.ended is RunOutcome.FAILED
     run.effects.clear()
-    run.take(Enlisted("spot"))
+    run.handle(Enlisted("spot"))
     assert run.effects == [], "the run has ended; its runner gives the robot back"
 
 
 def test_one_that_joins_too_late_is_given_back(play):
     run = lost(play, {"spot": "feet", "tank": "feet"}).wait(11.0)
-    run.take(Enlisted("spot"))
+    run.handle(Enlisted("spot"))
     assert [each.robot for each in run.of(Dismiss)] == ["spot"]
     assert not run.engine.robots.members["spot"].ours
 
 
 def test_one_that_does_not_have_what_is_required_any_more_is_not_asked(play):
     run = play(do(), do("home"), spares=SPARES, quorum={"eye": 1})
-    run.take(Facts("spot", "fault")).take(Left("beast", PartOutcome.LOST, "gone")).reply("kestrel").reply(
+    run.handle(Facts("spot", "fault")).handle(Left("beast", PartOutcome.LOST, "gone")).reply("kestrel").reply(
         "rover"
     )
     assert run.of(Enlist) == []
@@ -91,7 +91,7 @@ def test_one_that_does_not_have_what_is_required_any_more_is_not_asked(play):
 
 def test_a_spare_of_another_role_is_not_asked(play):
     run = play(do(), do("home"), spares={"spot": "feet"}, quorum={"feet": 2})
-    run.take(Left("kestrel", PartOutcome.LOST, "gone")).reply("beast").reply("rover")
+    run.handle(Left("kestrel", PartOutcome.LOST, "gone")).reply("beast").reply("rover")
     assert run.of(Enlist) == []
 
 
@@ -99,7 +99,7 @@ def test_one_that_was_not_needed_is_no_loss_and_is_never_commanded(play):
     run = play(do(), spares=SPARES).reply("kestrel").reply("beast").reply("rover")
     assert run.ended is RunOutcome.COMPLETED
     assert "spot" not in dict(run.begun())
-    assert play(do(), spares=SPARES).take(StopAll(("spot",), "anna")).of(Enlist) == []
+    assert play(do(), spares=SPARES).handle(StopAll(("spot",), "anna")).of(Enlist) == []
 
 
 def test_it_is_shown_at_the_start_stays_free_and_joins_when_it_is_needed(yard):

@@ -38,7 +38,7 @@ def test_who_follows_follows_until_the_others_are_through(play, finish):
 
 def test_who_follows_has_failed_when_the_robot_ahead_is_lost(play):
     run = play(following(), quorum={"eye": 0, "feet": 0})
-    run.take(Left("kestrel", PartOutcome.TAKEN, "a pilot has it"))
+    run.handle(Left("kestrel", PartOutcome.TAKEN, "a pilot has it"))
     outcomes = run.outcomes()
     assert outcomes == {
         "kestrel": PartOutcome.TAKEN,
@@ -65,13 +65,13 @@ def test_one_that_cannot_follow_any_more_has_failed_alone(play):
 
 def test_with_nobody_left_to_follow_it_is_not_begun(play):
     run = play(Wait("rest", 5.0), following(), quorum={"eye": 0, "feet": 0})
-    run.take(Left("kestrel", PartOutcome.LOST, "gone")).wait(6.0)
+    run.handle(Left("kestrel", PartOutcome.LOST, "gone")).wait(6.0)
     assert run.outcomes()["beast"] is PartOutcome.REFUSED
     assert not doing(run)
 
 
 def test_who_follows_is_paused_and_goes_on_with_the_run(play):
-    run = play(following()).take(Pause("anna"))
+    run = play(following()).handle(Pause("anna"))
     assert sorted((each.part.robot, each.resumes) for each in run.of(Hold)) == [
         ("beast", False),
         ("kestrel", False),

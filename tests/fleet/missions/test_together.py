@@ -146,7 +146,7 @@ class Step:
             self._new,
             Transport.CLOUD,
             payload=lambda message: message["command"].encode(),
-            take=self.events.append,
+            handle=self.events.append,
             replied=lambda identity, reply: self.replies.append((identity, reply)),
         )
 

@@ -28,9 +28,9 @@ def recorder(tmp_path, clock):
 
 
 def test_samples_and_events_are_recorded_when_they_came(recorder, clock, tmp_path, read_back):
-    recorder.take_many("yard-1", [("fleet/yard-1/places/main", b"{}"), ("fleet/yard-1/held", b"")])
+    recorder.add_many("yard-1", [("fleet/yard-1/places/main", b"{}"), ("fleet/yard-1/held", b"")])
     clock.advance(1.0)
-    recorder.take_events("yard-1", [Record(1.0, "rex", EventKind.STOP, "stopped")])
+    recorder.add_events("yard-1", [Record(1.0, "rex", EventKind.STOP, "stopped")])
     recorder.write()
     found = read_back(tmp_path / "recordings")
     assert [topic for topic, _, _ in found] == ["/yard-1/places/main", "/yard-1/rex/history"]
@@ -42,10 +42,10 @@ def test_each_file_tells_which_missions_were_under_way_when_it_began(recorder, c
     runs = [RunState(run, "yard-1", "round", "step", "way", 1.0) for run in ("r1", "r2")]
     ended = RunState("r2", "yard-1", "round", "ended", "", 1.0, outcome="completed")
     for run in (*runs, ended):
-        recorder.take("yard-1", f"fleet/yard-1/runs/{run.run}", msgspec.json.encode(run))
+        recorder.add("yard-1", f"fleet/yard-1/runs/{run.run}", msgspec.json.encode(run))
     recorder.write()
     clock.advance(Bounds().file_age)
-    recorder.take("yard-1", "fleet/yard-1/held", b"{}")
+    recorder.add("yard-1", "fleet/yard-1/held", b"{}")
     recorder.write()
     first, second = files_in(tmp_path / "recordings")
     assert [topic for topic, _, _ in read_back(first)] == ["/yard-1/runs"] * 3
@@ -61,7 +61,7 @@ def test_nothing_that_came_leaves_no_file(recorder, tmp_path):
 
 def test_what_does_not_fit_into_memory_is_dropped_and_reported(recorder, monkeypatch):
     monkeypatch.setattr(module, "MOST_WAITING", 10)
-    recorder.take_many("yard-1", [("fleet/yard-1/places/main", b'{"a": 1}')] * 3)
+    recorder.add_many("yard-1", [("fleet/yard-1/places/main", b'{"a": 1}')] * 3)
     recorder.write()
     assert recorder.problem.startswith("2 samples were not recorded: the disk")
     recorder.write()
@@ -72,7 +72,7 @@ def test_a_full_disk_ends_recording_is_reported_and_tried_again(
     recorder, clock, tmp_path, read_back, monkeypatch
 ):
     def say():
-        recorder.take("yard-1", "fleet/yard-1/places/main", b"{}")
+        recorder.add("yard-1", "fleet/yard-1/places/main", b"{}")
         recorder.write()
 
     def full(*_):

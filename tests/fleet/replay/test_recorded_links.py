@@ -39,8 +39,8 @@ async def fallen(link):
 
 async def test_a_frame_is_received_as_it_came(links, opened):
     link, received = opened
-    links.take(URL, came(b"one"))
-    links.take(URL, came(b"two"))
+    links.deliver(URL, came(b"one"))
+    links.deliver(URL, came(b"two"))
     assert received == [(b"one", None), (b"two", None)]
     assert (link.url, link.stats.received, link.fileno()) == (URL, 2, -1)
 
@@ -57,7 +57,7 @@ async def test_a_frame_is_received_as_it_came(links, opened):
     ],
 )
 async def test_a_datagram_comes_with_the_address_of_its_peer(links, opened, peer, address):
-    links.take(URL, came(peer=peer))
+    links.deliver(URL, came(peer=peer))
     assert opened[1] == [(b"x", address)]
 
 
@@ -69,7 +69,7 @@ async def test_what_is_sent_is_counted_and_goes_nowhere(opened):
 
 
 async def test_what_was_sent_then_is_not_received_now(links, opened):
-    links.take(URL, LinkFrame(1.0, "out", b"GO"))
+    links.deliver(URL, LinkFrame(1.0, "out", b"GO"))
     assert opened[1] == []
 
 
@@ -79,33 +79,33 @@ async def test_a_link_without_frames_is_not_there(links):
 
 
 async def test_frames_of_a_link_that_is_not_open_are_passed_over(links, opened):
-    links.take("udp://:14550", came())
-    links.take("udp://:14550", OPENED)
-    links.take("unknown", came())
+    links.deliver("udp://:14550", came())
+    links.deliver("udp://:14550", OPENED)
+    links.deliver("unknown", came())
     assert opened[1] == []
 
 
 async def test_a_link_that_was_opened_again_then_ends_and_may_be_opened_again(links, opened):
     link, received = opened
-    links.take(URL, OPENED)
+    links.deliver(URL, OPENED)
     assert link.send(b"GO"), "it has just been opened"
-    links.take(URL, came())
-    links.take(URL, OPENED)
+    links.deliver(URL, came())
+    links.deliver(URL, OPENED)
     assert await fallen(link) == f"{URL}: it was opened again then"
     with pytest.raises(LinkLost):
         link.send(b"GO")
-    links.take(URL, came(b"between"))
+    links.deliver(URL, came(b"between"))
     assert received == [(b"x", None)]
     again = []
     await links.open(URL, lambda data, _address: again.append(data))
-    links.take(URL, came(b"two"))
+    links.deliver(URL, came(b"two"))
     assert (again, received) == ([b"two"], [(b"x", None)])
 
 
 async def test_nothing_is_received_of_a_closed_link_and_its_first_end_stays(links, opened):
     link, received = opened
     await link.close()
-    links.take(URL, came())
+    links.deliver(URL, came())
     link.fall("later")
     assert received == []
     assert await fallen(link) == f"{URL}: closed"

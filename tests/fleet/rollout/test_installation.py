@@ -121,8 +121,8 @@ def test_the_record_of_a_newer_version_is_refused(installation):
 
 
 def test_only_one_process_can_lock_the_folder(installation):
-    installation.take()
+    installation.lock()
     with pytest.raises(StateTaken):
-        Installation(installation.folder).take()
+        Installation(installation.folder).lock()
     installation.release()
-    Installation(installation.folder).take()
+    Installation(installation.folder).lock()

@@ -51,7 +51,7 @@ def store(tmp_path):
 def lock(tmp_path):
     """Hold the lock of a running edge."""
     lock = FileLock(tmp_path / SPOOL)
-    lock.take()
+    lock.acquire()
     yield lock
     lock.release()
 
@@ -158,7 +158,7 @@ def test_a_spool_is_in_use_while_an_edge_holds_its_lock(tmp_path, lock):
     assert in_use(tmp_path)
     lock.release()
     assert not in_use(tmp_path)
-    lock.take()  # asking keeps no lock
+    lock.acquire()  # asking keeps no lock
 
 
 def test_a_spool_is_unused_without_its_folder_or_when_no_lock_can_be_made(tmp_path):

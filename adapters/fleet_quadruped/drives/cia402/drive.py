@@ -38,11 +38,11 @@ from fleet_quadruped.robot.parts import CanBusConfig, Drive
 
 _OF_ONE = (EMERGENCY, TPDO1, RPDO1, TPDO2, SDO_RESPONSE, SDO_REQUEST, HEARTBEAT)
 _SILENT = 8  # heartbeats that may be lost on a bad bus; missing TPDOs show silence sooner
-_TAKES: tuple[tuple[int, Callable[[Cia402Node, bytes, float], None]], ...] = (
-    (TPDO1, Cia402Node.take_status),
-    (TPDO2, Cia402Node.take_slow),
-    (EMERGENCY, Cia402Node.take_emergency),
-    (HEARTBEAT, Cia402Node.take_heartbeat),
+_HANDLERS: tuple[tuple[int, Callable[[Cia402Node, bytes, float], None]], ...] = (
+    (TPDO1, Cia402Node.handle_status),
+    (TPDO2, Cia402Node.handle_slow),
+    (EMERGENCY, Cia402Node.handle_emergency),
+    (HEARTBEAT, Cia402Node.handle_heartbeat),
 )
 
 
@@ -54,9 +54,9 @@ class Cia402Drives(DriveGroup[Cia402Node]):
         self._sender = RpdoSender(self._drives, buses)
         self._full: dict[str, int] = {}  # joints to the torque limits they had
         self._by_frame = {
-            (node.joint.bus, base + node.joint.id): (take, node)
+            (node.joint.bus, base + node.joint.id): (handle, node)
             for node in self._drives
-            for base, take in _TAKES
+            for base, handle in _HANDLERS
         }
 
     @staticmethod
@@ -106,12 +106,12 @@ class Cia402Drives(DriveGroup[Cia402Node]):
             found = limit_drive(self._buses[joint.bus], joint, limit or 0)
             self._full.setdefault(joint.name, found)
 
-    def take(self, bus: str, frame: CanFrame, now: float) -> None:
+    def handle_frame(self, bus: str, frame: CanFrame, now: float) -> None:
         """Process a received frame."""
         found = self._by_frame.get((bus, frame.id))
         if found is not None:
-            take, node = found
-            take(node, frame.data, now)
+            handle, node = found
+            handle(node, frame.data, now)
 
     def target(self, bus: str, frame: CanFrame) -> tuple[Joint, float] | None:
         """Return joint and target of an RPDO1."""

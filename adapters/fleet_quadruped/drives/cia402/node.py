@@ -71,7 +71,7 @@ class Cia402Node(ReportingDrive):
             return self.duplicate_id_fault
         return f"no heartbeat (700h) from id {number} for {now - self.heartbeat_at:.2f} s"
 
-    def take_status(self, data: bytes, now: float) -> None:
+    def handle_status(self, data: bytes, now: float) -> None:
         """Process a TPDO1: status, angle, torque; the speed is the difference of two angles."""
         decoded = self.units.unpack(data)
         if decoded is None:
@@ -86,9 +86,9 @@ class Cia402Node(ReportingDrive):
             self.status, self.state = status, state_of(status)
             self.stopped_alone = self.stopped_alone and self.state is DriveState.ENABLED
             self.follows = self.state is not DriveState.ENABLED or status & FOLLOWS != 0
-        self.answers.take(data)
+        self.answers.add(data)
 
-    def take_slow(self, data: bytes, _now: float) -> None:
+    def handle_slow(self, data: bytes, _now: float) -> None:
         """Process a TPDO2: voltage, temperature, and the code of a fault without an emergency."""
         slow = unpack_slow(data)
         if slow is None:
@@ -99,14 +99,14 @@ class Cia402Node(ReportingDrive):
         if slow.code and self.state in {DriveState.FAULT, DriveState.FAULT_REACTION}:
             self.fault = self.fault or f"{meaning(slow.code)} (603Fh is {slow.code:04X}h)"
 
-    def take_emergency(self, data: bytes, _now: float) -> None:
+    def handle_emergency(self, data: bytes, _now: float) -> None:
         """Process an emergency."""
         decoded = unpack_emergency(data)
         if decoded is not None:
             self.fault = "" if decoded.cleared else decoded.text
             self.stopped_alone = decoded.code == OUR_SILENCE
 
-    def take_heartbeat(self, data: bytes, now: float) -> None:
+    def handle_heartbeat(self, data: bytes, now: float) -> None:
         """Process a heartbeat; a boot-up after the first one means a restart."""
         if not data:  # a frame without the state is no sign of life
             return

@@ -94,16 +94,16 @@ class MitDrives(DampingGroup[MitMotor]):
             )
         self._registers.commission(self._dog.drive)
 
-    def take(self, bus: str, frame: CanFrame, now: float) -> None:
+    def handle_frame(self, bus: str, frame: CanFrame, now: float) -> None:
         """Process a received frame."""
         data = frame.data
         motor = self._by_reply.get((bus, frame.id))
-        if motor is not None and self._registers.take(motor, data):
+        if motor is not None and self._registers.handle_answer(motor, data):
             return
         if motor is None and frame.id == 0 and data:
             motor = self._by_number.get((bus, data[0]))
         if motor is not None:
-            motor.take(data, now)
+            motor.handle_reply(data, now)
 
     def target(self, bus: str, frame: CanFrame) -> tuple[Joint, float] | None:
         """Return joint and target of a command; None for one without stiffness."""

@@ -29,7 +29,7 @@ class MitMotor(DampingDrive):
     unknown: bool = True
     answered: bool = False
 
-    def take(self, data: bytes, now: float) -> None:
+    def handle_reply(self, data: bytes, now: float) -> None:
         """Process a reply; one that is too short is ignored."""
         reply = self.layout.unpack_reply(data)
         if reply is None:
@@ -37,7 +37,7 @@ class MitMotor(DampingDrive):
         _, angle, speed, torque, self.status, self.temperature = reply
         self.angle, self.speed, self.torque = self.units.joint(angle, speed, torque)
         self.reported_at, self.answered = now, True
-        self.answers.take(data)
+        self.answers.add(data)
         if self.profile.damiao:  # the status of another motor is its error
             self.note_hold(obeys=self.status == wire.ENABLED, torque_off=self.status == wire.DISABLED)
 

@@ -24,7 +24,7 @@ class DamiaoRegisters:
         self._requester = requester
         self._values: dict[tuple[str, int, int], bytes] = {}  # by bus, motor and register
 
-    def take(self, motor: MitMotor, data: bytes) -> bool:
+    def handle_answer(self, motor: MitMotor, data: bytes) -> bool:
         """Process an answer of a motor; False for any other frame."""
         decoded = wire.unpack_register(data)
         if decoded is None or decoded[0] != motor.id:

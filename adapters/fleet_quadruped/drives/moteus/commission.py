@@ -26,7 +26,7 @@ class Diagnostics:
         self._lines = dict.fromkeys((one.joint.name for one in servos), "")  # by joint, to be sent
         self._texts = dict.fromkeys(self._lines, b"")  # by joint, received
 
-    def take(self, servo: MoteusServo, text: bytes) -> None:
+    def handle_text(self, servo: MoteusServo, text: bytes) -> None:
         """Process text from a servo, maybe a part of a line."""
         self._texts[servo.joint.name] = (self._texts[servo.joint.name] + text)[-_LONGEST_TEXT:]
 
@@ -71,7 +71,7 @@ def commission(
         _check_home(servo)
     kp, kd, ki = (diagnostics.read(name) for name in (_KP, _KD, _KI))
     for servo, *found in zip(servos, kp, kd, ki, strict=True):
-        _take_gains(servo, safety_kd, *found)
+        _check_gains(servo, safety_kd, *found)
     diagnostics.write(_TIMEOUT_MODE, [float(wire.DAMPS)] * len(servos))
     diagnostics.write(_TIMEOUT_TORQUE, [servo.torque_limit() for servo in servos])
 
@@ -88,7 +88,7 @@ def _check_home(servo: MoteusServo) -> None:
         )
 
 
-def _take_gains(servo: MoteusServo, safety_kd: float, kp: float, kd: float, ki: float) -> None:
+def _check_gains(servo: MoteusServo, safety_kd: float, kp: float, kd: float, ki: float) -> None:
     """Check a servo's configured gains; commands use shares of them. Raises LinkRefused."""
     name, safety = servo.joint.name, safety_kd / servo.joint.kind.ratio**2 * wire.TURN
     if ki != 0:

@@ -71,7 +71,7 @@ class MoteusDrives(DampingGroup[MoteusServo]):
         """Check and configure all servos; see ``commission``."""
         commission(self._drives, self._requester, self._diagnostics, self._dog.safety.kd)
 
-    def take(self, bus: str, frame: CanFrame, now: float) -> None:
+    def handle_frame(self, bus: str, frame: CanFrame, now: float) -> None:
         """Process a received frame."""
         servo = self._by_reply.get((bus, frame.id))
         parts = None if servo is None else wire.unpack(frame.data)
@@ -79,10 +79,10 @@ class MoteusDrives(DampingGroup[MoteusServo]):
             return
         text = b"".join(part.text for part in parts if part.kind == 0x41)
         if text:
-            self._diagnostics.take(servo, text)
+            self._diagnostics.handle_text(servo, text)
         registers = wire.reply(parts)
         if registers is not None:
-            servo.take(registers, frame.data, now)
+            servo.handle_registers(registers, frame.data, now)
 
     def target(self, bus: str, frame: CanFrame) -> tuple[Joint, float] | None:
         """Return joint and target of a command; None for one without stiffness."""

@@ -42,7 +42,7 @@ class MoteusServo(DampingDrive):
     kd_scale: float = 0.0
     full_kd: float = math.inf
 
-    def take(self, registers: dict[int, float], data: bytes, now: float) -> None:
+    def handle_registers(self, registers: dict[int, float], data: bytes, now: float) -> None:
         """Process the registers of a whole answer (``frames.reply``)."""
         turns, speed, torque = registers[wire.POSITION], registers[wire.VELOCITY], registers[wire.TORQUE]
         self.angle, self.speed, self.torque = self.units.joint(turns * wire.TURN, speed * wire.TURN, torque)
@@ -50,7 +50,7 @@ class MoteusServo(DampingDrive):
         self.home = int(registers[wire.HOME])
         self.voltage, self.temperature = registers[wire.VOLTAGE], registers[wire.TEMPERATURE]
         self.reported_at = now
-        self.answers.take(data)
+        self.answers.add(data)
         self.note_hold(obeys=self.mode == wire.OBEYS, torque_off=self.mode in _TORQUE_OFF)
 
     def power(self, now: float) -> tuple[Power, str]:  # noqa: ARG002 - a servo answers in each cycle, or is old

@@ -28,11 +28,11 @@ class OdriveAxis(DampingDrive):
     serials: set[bytes] = field(default_factory=set)
     parameters: dict[int, bytes] = field(default_factory=dict)  # by endpoint
 
-    def take(self, command: int, data: bytes, now: float) -> None:
+    def handle_data(self, command: int, data: bytes, now: float) -> None:
         """Process the data of a command; unknown or short ones are ignored."""
-        takes = _TAKES.get(command)
-        if takes is not None:
-            takes(self, data, now)
+        handle = _HANDLERS.get(command)
+        if handle is not None:
+            handle(self, data, now)
 
     def power(self, now: float) -> tuple[Power, str]:
         """Return the state of the drive, and its fault."""
@@ -66,7 +66,7 @@ class OdriveAxis(DampingDrive):
         """Send a command."""
         self.bus.send(CanFrame(wire.identifier(self.id, command), data))
 
-    def take_estimates(self, data: bytes, now: float) -> None:
+    def handle_estimates(self, data: bytes, now: float) -> None:
         """Process angle and speed."""
         decoded = wire.unpack_pair(data)
         if decoded is None:
@@ -74,9 +74,9 @@ class OdriveAxis(DampingDrive):
         turns, speed = decoded
         self.angle, self.speed, _ = self.units.joint(turns * wire.TURN, speed * wire.TURN, 0.0)
         self.reported_at = now
-        self.answers.take(data)
+        self.answers.add(data)
 
-    def take_heartbeat(self, data: bytes, now: float) -> None:
+    def handle_heartbeat(self, data: bytes, now: float) -> None:
         """Process errors and state; detect a drive that took its torque off without a command."""
         decoded = wire.unpack_heartbeat(data)
         if decoded is None:
@@ -84,46 +84,46 @@ class OdriveAxis(DampingDrive):
         self.errors, self.state, self.state_at = decoded.errors, decoded.state, now
         self.note_hold(obeys=self.state == State.CLOSED_LOOP, torque_off=not self.errors)
 
-    def take_torques(self, data: bytes, _now: float) -> None:
+    def handle_torques(self, data: bytes, _now: float) -> None:
         """Process the torque."""
         decoded = wire.unpack_pair(data)
         if decoded is not None:
             self.torque = self.units.joint(0.0, 0.0, decoded[1])[2]
 
-    def take_temperatures(self, data: bytes, _now: float) -> None:
+    def handle_temperatures(self, data: bytes, _now: float) -> None:
         """Process the temperature."""
         self.temperature = wire.warmest(data)
 
-    def take_supply(self, data: bytes, _now: float) -> None:
+    def handle_supply(self, data: bytes, _now: float) -> None:
         """Process the supply voltage."""
         decoded = wire.unpack_pair(data)
         self.voltage = decoded[0] if decoded else self.voltage
 
-    def take_version(self, data: bytes, _now: float) -> None:
+    def handle_version(self, data: bytes, _now: float) -> None:
         """Process the firmware version."""
         self.version = wire.unpack_version(data) or self.version
 
-    def take_address(self, data: bytes, _now: float) -> None:
+    def handle_address(self, data: bytes, _now: float) -> None:
         """Process the serial number of a drive: two at one id are two drives."""
         if len(data) >= 7:
             self.serials.add(data[1:7])
 
-    def take_parameter(self, data: bytes, _now: float) -> None:
+    def handle_parameter(self, data: bytes, _now: float) -> None:
         """Process a parameter that was read."""
         decoded = wire.unpack_parameter(data)
         if decoded is not None:
             self.parameters[decoded[1]] = decoded[2]
 
 
-_TAKES: Mapping[int, Callable[[OdriveAxis, bytes, float], None]] = MappingProxyType(
+_HANDLERS: Mapping[int, Callable[[OdriveAxis, bytes, float], None]] = MappingProxyType(
     {
-        OdriveCommand.ESTIMATES: OdriveAxis.take_estimates,
-        OdriveCommand.HEARTBEAT: OdriveAxis.take_heartbeat,
-        OdriveCommand.TORQUES: OdriveAxis.take_torques,
-        OdriveCommand.TEMPERATURE: OdriveAxis.take_temperatures,
-        OdriveCommand.SUPPLY: OdriveAxis.take_supply,
-        OdriveCommand.VERSION: OdriveAxis.take_version,
-        OdriveCommand.ADDRESS: OdriveAxis.take_address,
-        OdriveCommand.TX_SDO: OdriveAxis.take_parameter,
+        OdriveCommand.ESTIMATES: OdriveAxis.handle_estimates,
+        OdriveCommand.HEARTBEAT: OdriveAxis.handle_heartbeat,
+        OdriveCommand.TORQUES: OdriveAxis.handle_torques,
+        OdriveCommand.TEMPERATURE: OdriveAxis.handle_temperatures,
+        OdriveCommand.SUPPLY: OdriveAxis.handle_supply,
+        OdriveCommand.VERSION: OdriveAxis.handle_version,
+        OdriveCommand.ADDRESS: OdriveAxis.handle_address,
+        OdriveCommand.TX_SDO: OdriveAxis.handle_parameter,
     }
 )

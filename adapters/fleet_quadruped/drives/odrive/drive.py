@@ -90,12 +90,12 @@ class OdriveDrives(DampingGroup[OdriveAxis]):
         """Check all drives and set their watchdog; see ``commission``."""
         commission(self._drives, self._requester, self._dog.drive)
 
-    def take(self, bus: str, frame: CanFrame, now: float) -> None:
+    def handle_frame(self, bus: str, frame: CanFrame, now: float) -> None:
         """Process a received frame."""
         node, command = wire.split(frame.id)
         axis = self._by_node.get((bus, node))
         if axis is not None:
-            axis.take(command, frame.data, now)
+            axis.handle_data(command, frame.data, now)
 
     def target(self, bus: str, frame: CanFrame) -> tuple[Joint, float] | None:
         """Return joint and target of a position command."""

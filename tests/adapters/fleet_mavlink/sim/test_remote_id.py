@@ -33,39 +33,39 @@ def known():
 
 def test_what_is_missing_is_said_in_order(known):
     assert known.refusal(10.0) == "UA_TYPE required in BasicID"
-    known.take(basic(id_type=0), 10.0)
+    known.handle_message(basic(id_type=0), 10.0)
     assert known.refusal(10.0) == "UA_TYPE required in BasicID"
-    known.take(basic(), 10.0)
+    known.handle_message(basic(), 10.0)
     assert known.refusal(10.0) == "operator location must be set"
-    known.take(system(latitude=0), 10.0)
+    known.handle_message(system(latitude=0), 10.0)
     assert known.refusal(10.0) == "operator location must be set"
-    known.take(system(), 10.0)
+    known.handle_message(system(), 10.0)
     assert known.refusal(10.0) == "ARM_STATUS not available"
-    known.take_arm_status(BAD, 10.0)
+    known.handle_arm_status(BAD, 10.0)
     assert known.refusal(10.0) == "missing OP_ID"
-    known.take_arm_status(GOOD, 10.0)
+    known.handle_arm_status(GOOD, 10.0)
     assert known.refusal(10.0) == ""
-    known.take_arm_status(GOOD, 13.5)
+    known.handle_arm_status(GOOD, 13.5)
     assert known.refusal(13.5) == "SYSTEM not available"
-    known.take(update(), 13.5)
+    known.handle_message(update(), 13.5)
     assert known.refusal(13.5) == ""
     assert known.refusal(17.0) == "ARM_STATUS not available"
 
 
 def test_an_update_counts_only_after_the_whole(known):
-    known.take(basic(), 1.0)
-    known.take_arm_status(GOOD, 1.0)
-    known.take(update(), 1.0)
+    known.handle_message(basic(), 1.0)
+    known.handle_arm_status(GOOD, 1.0)
+    known.handle_message(update(), 1.0)
     assert known.refusal(1.0) == "operator location must be set"
 
 
 def test_the_transmitter_says_what_it_misses(known):
     assert known.missing_data(1.0, located=False) == "missing LOC ID SELF_ID OP_ID SYS zero OP_LOC"
-    known.take(basic(), 1.0)
-    known.take(system(), 1.0)
-    known.take(mav.MAVLink_open_drone_id_self_id_message(1, 1, NOBODY, 0, b"survey"), 1.0)
+    known.handle_message(basic(), 1.0)
+    known.handle_message(system(), 1.0)
+    known.handle_message(mav.MAVLink_open_drone_id_self_id_message(1, 1, NOBODY, 0, b"survey"), 1.0)
     assert known.missing_data(1.0, located=True) == "missing OP_ID"
-    known.take(mav.MAVLink_open_drone_id_operator_id_message(1, 1, NOBODY, 0, b"FIN87"), 1.0)
+    known.handle_message(mav.MAVLink_open_drone_id_operator_id_message(1, 1, NOBODY, 0, b"FIN87"), 1.0)
     assert known.missing_data(1.0, located=True) == ""
     assert known.missing_data(4.5, located=True) == "missing SYS"
     assert known.missing_data(24.0, located=True) == "missing SELF_ID OP_ID SYS"

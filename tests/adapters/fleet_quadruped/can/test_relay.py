@@ -37,7 +37,7 @@ async def relayed(tap, cycles):
     async with received(["a"], logging.getLogger("rex")) as receiver:
         sender = RelaySender(receiver.relay)
         for wanted in cycles:
-            sender.take(Captured(100.5, "a", FRAME, sent=False))
+            sender.add(Captured(100.5, "a", FRAME, sent=False))
             sender.end_cycle(wanted=wanted)
         receiver.read()
         return flushed_frames(tap)
@@ -66,7 +66,7 @@ def test_what_does_not_fit_is_dropped_and_not_waited_for():
         theirs.setblocking(False)
         sender = RelaySender(theirs)
         for _ in range(20_000):
-            sender.take(Captured(1.0, "a", FRAME, sent=True))
+            sender.add(Captured(1.0, "a", FRAME, sent=True))
             sender.end_cycle(wanted=True)
     assert sender.dropped > 0
 
@@ -76,9 +76,9 @@ async def test_an_adapter_that_was_behind_says_how_many_were_dropped(tap, caplog
     async with received(["a"], logging.getLogger("rex")) as receiver:
         sender = RelaySender(receiver.relay)
         while not sender.dropped:
-            sender.take(Captured(1.0, "a", FRAME, sent=True))
+            sender.add(Captured(1.0, "a", FRAME, sent=True))
             sender.end_cycle(wanted=True)
         while "were not recorded" not in caplog.text:
             receiver.read()
-            sender.take(Captured(1.0, "a", FRAME, sent=True))
+            sender.add(Captured(1.0, "a", FRAME, sent=True))
             sender.end_cycle(wanted=True)

@@ -32,7 +32,7 @@ class GivenDrives:
     def feedback(self, now):
         return JointsFeedback.of(self.reports)
 
-    def take(self, bus, frame, now):
+    def handle_frame(self, bus, frame, now):
         self.taken.append((bus, frame.id))
 
     def begin_cycle(self, now):
@@ -97,7 +97,7 @@ class Bench:
         self.controller = Controller(self.dog, {"a": self.bus})
         self.order, self.alive, self.now = Order(), True, START
 
-    def take(self, bus, frame):
+    def handle_frame(self, bus, frame):
         """Take a frame that the controller sends itself."""
 
     def cycle(self, cycles=1):

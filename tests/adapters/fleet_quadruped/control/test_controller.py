@@ -227,7 +227,7 @@ def test_the_lamp_is_switched_with_the_order(bench):
 def test_a_frame_of_a_sensor_is_not_one_of_the_drives(dog, bench):
     controller = Controller(dog, {"a": bench.bus})
     for number in (0x110, 0x361, 0x188):
-        controller.take("a", CanFrame(number, bytes(8)), START)
+        controller.handle_frame("a", CanFrame(number, bytes(8)), START)
     assert bench.drives.taken == [("a", 0x188)]
     assert controller.addresses == bench.drives.addresses
     assert controller.complete()

@@ -9,7 +9,7 @@ def after(*cycles):
     for frames in cycles:
         answers.begin()
         for data in frames:
-            answers.take(data)
+            answers.add(data)
     answers.begin()
     return answers
 
@@ -31,5 +31,5 @@ def test_two_drives_stay_two_when_one_is_silent_for_a_while():
 def test_a_cycle_is_complete_with_the_first_answer():
     answers = after()
     assert not answers.complete
-    answers.take(b"a")
+    answers.add(b"a")
     assert answers.complete

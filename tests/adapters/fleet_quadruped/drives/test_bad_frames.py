@@ -68,7 +68,7 @@ def new_frames(dog):
 def test_any_frames_leave_feedback_that_is_made_of_numbers(any_dog, data):
     drives = drives_of(any_dog, {name: SimBus(name) for name in any_dog.buses})
     for frame in data.draw(any_frames(any_dog)):
-        drives.take("a", frame, 1.0)
+        drives.handle_frame("a", frame, 1.0)
         drives.target("a", frame)
     feedback = drives.feedback(1.0)
     numbers = [*feedback.angles, *feedback.speeds, *feedback.torques]
@@ -102,7 +102,7 @@ def test_another_host_tool_that_reads_the_servos_disturbs_no_standing_dog(dogs, 
     before = rig.state().angles
     for _ in range(100):
         for joint in rig.dog.all_joints:
-            rig.sim.take("a", CanFrame(moteus.to_servo(joint.id), moteus.padded(query), fd=True))
+            rig.sim.handle_frame("a", CanFrame(moteus.to_servo(joint.id), moteus.padded(query), fd=True))
         rig.cycle()
         assert (rig.mode, rig.fault) == (BodyMode.STANDING, "")
         assert rig.state().angles == pytest.approx(before, abs=0.01)

@@ -24,7 +24,7 @@ class Group(DampingGroup):
         super().__init__(*given)
         self.damped = []
 
-    def take(self, bus, frame, now):
+    def handle_frame(self, bus, frame, now):
         raise NotImplementedError
 
     def damp(self, kd):

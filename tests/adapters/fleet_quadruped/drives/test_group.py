@@ -53,7 +53,7 @@ def test_a_cycle_is_complete_once_each_drive_has_answered_in_it(two):
     assert not group.complete()
     for drive in drives:
         assert not group.complete()
-        drive.answers.take(b"here")
+        drive.answers.add(b"here")
     assert group.complete()
     group.begin_cycle(0.01)
     assert not group.complete()
@@ -62,9 +62,9 @@ def test_a_cycle_is_complete_once_each_drive_has_answered_in_it(two):
 def test_two_answers_in_cycle_after_cycle_are_of_two_drives_with_one_id(two):
     drives, group = two
     for _ in range(5):
-        drives[0].answers.take(b"one")
-        drives[0].answers.take(b"other")
-        drives[1].answers.take(b"one")
+        drives[0].answers.add(b"one")
+        drives[0].answers.add(b"other")
+        drives[1].answers.add(b"one")
         group.begin_cycle(0.01)
     assert [drive.answers.doubled for drive in drives] == [True, False]
     assert drives[0].duplicate_id_fault == "two drives answer as id 2 on bus a: give each its own"

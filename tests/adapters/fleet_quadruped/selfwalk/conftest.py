@@ -29,7 +29,7 @@ class WalkerRig:
         now, dt = self.machine.time, self.walker.dt
         self.controller.begin(now)
         for frame in self.bus.receive(0.0):
-            self.controller.take("a", frame, now)
+            self.controller.handle_frame("a", frame, now)
         if self.alive:
             self.order = msgspec.structs.replace(self.order, until=now + 1.0, alive=now)
         self.controller.finish(now, dt, self.order)

@@ -24,7 +24,7 @@ class Machine:
         for frame in (*self.walker.wire.state, *self.walker.wire.slow):
             if set(frame.fields) & set(values) or frame in self.walker.wire.state:
                 data = CanFrame(frame.id, encode(frame, values))
-                self.telemetry.take(bus or self.walker.bus, data, now)
+                self.telemetry.handle_frame(bus or self.walker.bus, data, now)
         return self
 
     def update(self, now=0.0, dt=0.02):
@@ -82,7 +82,7 @@ def test_what_is_stale_changes_nothing(machine):
 
 def test_what_other_nodes_and_other_buses_say_is_ignored(machine):
     standing = machine.number(BodyMode.STANDING)
-    machine.telemetry.take(machine.walker.bus, CanFrame(0x7E1, bytes(8)), 1.0)
+    machine.telemetry.handle_frame(machine.walker.bus, CanFrame(0x7E1, bytes(8)), 1.0)
     machine.say(1.0, bus="z", mode=standing)
     assert machine.update(1.0).mode is BodyMode.OFF
     assert machine.telemetry.is_stale

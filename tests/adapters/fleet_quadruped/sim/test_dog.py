@@ -18,12 +18,12 @@ class Bench:
         self.heard = []
         self.sim = SimDog(dog, KinematicWorld(dog), {"a": self.heard.append})
         for number in range(1, 13):
-            self.sim.take("a", CanFrame(0x000, bytes([1, number])))
+            self.sim.handle_frame("a", CanFrame(0x000, bytes([1, number])))
 
     def answers(self):
         """Return the ids of the drives that answer a SYNC now."""
         self.heard.clear()
-        self.sim.take("a", CanFrame(SYNC, b""))
+        self.sim.handle_frame("a", CanFrame(SYNC, b""))
         return [frame.id - TPDO1 for frame in self.heard]
 
     def sensors(self, dt=0.01, **how):
@@ -84,7 +84,7 @@ def test_a_mute_drive_is_missed_and_no_other(bench):
 
 def test_a_second_drive_at_an_id_answers_too_and_says_something_else(bench):
     bench.sim.fault("twin", RL_HIP)
-    bench.sim.take("a", CanFrame(0x000, bytes([1, RL_HIP])))
+    bench.sim.handle_frame("a", CanFrame(0x000, bytes([1, RL_HIP])))
     assert bench.answers().count(RL_HIP) == 2
     both = [frame.data for frame in bench.heard if frame.id == TPDO1 + RL_HIP]
     assert both[0] != both[1]
@@ -152,9 +152,9 @@ def test_a_frame_reaches_the_drives_of_its_bus_alone(dog):
     heard = {"a": [], "b": []}
     sim = SimDog(two, KinematicWorld(two), {bus: frames.append for bus, frames in heard.items()})
     for bus, number in (("a", 0), ("b", 0)):
-        sim.take(bus, CanFrame(0x000, bytes([1, number])))
+        sim.handle_frame(bus, CanFrame(0x000, bytes([1, number])))
         heard[bus].clear()
-    sim.take("b", CanFrame(SYNC, b""))
+    sim.handle_frame("b", CanFrame(SYNC, b""))
     assert ([frame.id for frame in heard["b"]], heard["a"]) == ([TPDO1 + 1], [])
-    sim.take("a", CanFrame(SYNC, b""))
+    sim.handle_frame("a", CanFrame(SYNC, b""))
     assert (len(heard["a"]), len(heard["b"])) == (11, 1)

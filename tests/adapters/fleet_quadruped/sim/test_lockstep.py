@@ -19,7 +19,7 @@ class Robot:
     def __init__(self, bus=None):
         self.taken, self._bus = [], bus
 
-    def take(self, bus, frame):
+    def handle_frame(self, bus, frame):
         self.taken.append((bus, frame))
         if self._bus is not None:
             self._bus.arrive(CanFrame(frame.id + 1, frame.data))

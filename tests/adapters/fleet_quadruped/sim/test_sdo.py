@@ -29,7 +29,7 @@ class Node:
         self.server = SdoServer(7, OBJECTS, self.answers.append)
 
     def say(self, data, identifier=0x607):
-        self.server.take(CanFrame(identifier, data))
+        self.server.handle_frame(CanFrame(identifier, data))
         answer = self.answers.pop() if self.answers else None
         assert self.answers == []
         return answer

@@ -23,7 +23,7 @@ class Bench:
 
     def send(self, *frames):
         for frame in frames:
-            self.machine.take("a", frame)
+            self.machine.handle_frame("a", frame)
         return self
 
     def command(self, name):

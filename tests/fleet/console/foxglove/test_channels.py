@@ -31,12 +31,12 @@ def pose(x):
 @pytest.fixture
 def channels():
     channels = Channels()
-    channels.take("yard-1", [STATE], 0, frozenset())
+    channels.convert("yard-1", [STATE], 0, frozenset())
     return channels
 
 
 def test_topics_and_schemas_are_those_of_recordings(channels):
-    found = channels.take("yard-1", [(KEY, pose(2.0))], S, frozenset())
+    found = channels.convert("yard-1", [(KEY, pose(2.0))], S, frozenset())
     assert {(each.topic, each.schema) for each in channels.all} == {
         ("/yard-1/rex/state", "fleet.RobotState"),
         ("/yard-1/rex/world_transform", "foxglove.FrameTransform"),
@@ -52,26 +52,26 @@ def test_topics_and_schemas_are_those_of_recordings(channels):
 
 def test_reports_that_nobody_wants_are_read_once_a_second(channels):
     def taken(at, wanted=frozenset()):
-        return len(channels.take("yard-1", [(KEY, pose(at))], round(at * S), wanted))
+        return len(channels.convert("yard-1", [(KEY, pose(at))], round(at * S), wanted))
 
     assert [taken(1.0), taken(1.5), taken(1.9), taken(2.0)] == [2, 0, 0, 2]
     assert taken(2.1, frozenset({3})) == 2
 
 
 def test_a_robot_of_another_edge_is_shown_by_the_bus_of_its_own_alone(channels):
-    assert channels.take("yard-2", [(KEY, pose(1.0))], S, frozenset()) == []
-    assert len(channels.take("yard-1", [(KEY, pose(1.0))], S, frozenset())) == 2
+    assert channels.convert("yard-2", [(KEY, pose(1.0))], S, frozenset()) == []
+    assert len(channels.convert("yard-1", [(KEY, pose(1.0))], S, frozenset())) == 2
 
 
 def test_an_empty_sample_tells_nothing(channels):
-    assert channels.take("yard-1", [(KEY, b"")], S, frozenset()) == []
+    assert channels.convert("yard-1", [(KEY, b"")], S, frozenset()) == []
 
 
 def test_more_topics_than_are_shown_are_reported_once(channels, monkeypatch, caplog):
     monkeypatch.setattr(module, "MOST", 2)
     battery = f"cw/{TWIN}/data/battery", encode_report(BatteryReport(1.0, 50.0), 1)
     for at in (1, 3):
-        assert channels.take("yard-1", [battery], at * S, frozenset()) == []
+        assert channels.convert("yard-1", [battery], at * S, frozenset()) == []
     assert [record.getMessage() for record in caplog.records] == [
         "Foxglove is shown 2 topics at most; /yard-1/rex/battery and later ones are left out"
     ]

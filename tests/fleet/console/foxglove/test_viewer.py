@@ -45,7 +45,7 @@ async def slow():
 
     async def report(percent):
         payload = encode_report(BatteryReport(1.0, percent), 1)
-        viewer.offer(channels.take("yard-1", [(KEY, payload)], round(percent), frozenset({1})))
+        viewer.offer(channels.convert("yard-1", [(KEY, payload)], round(percent), frozenset({1})))
         for _ in range(5):
             await asyncio.sleep(0)
 

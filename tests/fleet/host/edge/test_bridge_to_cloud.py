@@ -43,11 +43,11 @@ class Built:
 
     def receive(self, channel, message):
         """Let a message on a channel of the twin arrive."""
-        self.take(f"cyberwave/twin/{TWIN}/{channel}", message)
+        self.dispatch(f"cyberwave/twin/{TWIN}/{channel}", message)
 
-    def take(self, topic, message):
+    def dispatch(self, topic, message):
         self.bridge.downlink.arrived([CloudMessage(topic, json.dumps(message).encode())])
-        self.bridge.downlink.take()
+        self.bridge.downlink.dispatch()
 
     def beat(self, edge):
         """Let two heartbeats of an edge arrive, which has run for an hour."""
@@ -105,7 +105,7 @@ def test_the_requests_to_the_edge_itself_go_to_their_handlers(build):
     flow, taken = "00000000-0000-4000-8000-000000000009", []
     cloud = CLOUD | {"workflows": {flow: {"mission": "patrol"}}}
     handlers = {WORKFLOW_RUN: lambda topic, message: taken.append((topic.twin, message.payload))}
-    build(cloud=cloud, handlers=handlers).take(f"cyberwave/workflow/{flow}/run", {"x": 1})
+    build(cloud=cloud, handlers=handlers).dispatch(f"cyberwave/workflow/{flow}/run", {"x": 1})
     assert taken == [(flow, b'{"x": 1}')]
 
 

@@ -58,7 +58,7 @@ class FakeEdge:
         list(self.bridge.tick())
         topic = f"cyberwave/twin/{TWIN}/command"
         self.bridge.downlink.arrived([CloudMessage(topic, b"{}"), CloudMessage(topic, b"{}", retain=True)])
-        self.bridge.downlink.take()
+        self.bridge.downlink.dispatch()
 
     def state(self):
         return EdgeState("yard-1", "0", 1.0, 5.0, threads=7)

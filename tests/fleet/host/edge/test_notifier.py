@@ -74,7 +74,7 @@ def target():
 
 def test_a_stop_reaches_a_webhook_as_json(hook):
     notifier = Notifier([NotifyConfig(url=hook.url)], "yard-1", ManualClock())
-    notifier.take("rex", STOP)
+    notifier.handle("rex", STOP)
     notifier.close()
     (got,) = hook.got
     assert (got["edge"], got["robot"], got["kind"], got["text"]) == ("yard-1", "rex", "stop", "stop asked")
@@ -85,14 +85,14 @@ def test_other_targets_are_notified_from_then_on_and_those_that_stay_go_on(hook)
     other = Hook()
     first, second = NotifyConfig(url=hook.url), NotifyConfig(url=other.url)
     notifier = Notifier([first], "yard-1", ManualClock())
-    notifier.take("rex", STOP)
+    notifier.handle("rex", STOP)
     notifier.use([NotifyConfig(url=hook.url), second])
     (kept, added) = notifier._targets
-    notifier.take("max", STOP)
+    notifier.handle("max", STOP)
     notifier.use([second])
     assert notifier._targets == [added]
     kept.join()
-    notifier.take("ada", STOP)
+    notifier.handle("ada", STOP)
     notifier.close()
     other.close()
     assert [got["robot"] for got in hook.got] == ["rex", "max"], "what waits is sent"
@@ -104,7 +104,7 @@ def test_a_program_gets_it_on_its_stdin(tmp_path):
     notifier = Notifier(
         [NotifyConfig(command=(sys.executable, "-c", script), timeout=30)], "yard-1", ManualClock()
     )
-    notifier.take("rex", STOP)
+    notifier.handle("rex", STOP)
     wait_until("it ran", lambda: (tmp_path / "got").exists() and (tmp_path / "got").read_bytes())
     assert json.loads((tmp_path / "got").read_bytes())["message"] == "rex: stop asked"
     notifier.close()
@@ -114,8 +114,8 @@ def test_what_is_heard_on_the_bus_takes_no_room_from_our_own_robots(target):
     going, sent = threading.Event(), []
     made = target(lambda body, _within: (going.wait(DEADLINE), sent.append(body)), per_minute=60)
     for _ in range(200):
-        made.take("forged", STOP, heard=True)
-    made.take("rex", STOP)
+        made.enqueue("forged", STOP, heard=True)
+    made.enqueue("rex", STOP)
     going.set()
     wait_until("our own is told", lambda: json.loads(sent[-1])["robot"] == "rex" if sent else False)
 
@@ -135,7 +135,7 @@ def test_what_is_heard_on_the_bus_takes_no_room_from_our_own_robots(target):
 def test_faults_and_stops_are_reported_and_not_every_command(target, kind, severity, expected):
     sent = []
     made = target(lambda body, _within: sent.append(body))
-    made.take("rex", EventReport(0.0, kind, "x", severity))
+    made.enqueue("rex", EventReport(0.0, kind, "x", severity))
     made.end()
     made.join()
     assert bool(sent) == expected
@@ -145,7 +145,7 @@ def test_robots_narrow_it_down(target):
     sent = []
     made = target(lambda body, _within: sent.append(json.loads(body)["robot"]), robots=("rex",))
     for robot in ("max", "rex"):
-        made.take(robot, STOP)
+        made.enqueue(robot, STOP)
     wait_until("it is sent", lambda: sent)
     made.end()
     made.join()
@@ -163,8 +163,8 @@ def test_a_target_that_fails_is_tried_three_times_and_reported_once_without_its_
         raise OSError("nobody there")
 
     made = target(fails)
-    made.take("rex", STOP)
-    made.take("rex", STOP)
+    made.enqueue("rex", STOP)
+    made.enqueue("rex", STOP)
     wait_until("it is given up", lambda: len(tries) == 6)
     made.end()
     made.join()
@@ -175,10 +175,10 @@ def test_more_than_wanted_in_a_minute_is_counted_and_the_number_reported(target)
     sent, clock = [], ManualClock()
     made = target(lambda body, _within: sent.append(json.loads(body)), clock, per_minute=3)
     for _ in range(50):
-        made.take("rex", STOP)
+        made.enqueue("rex", STOP)
     clock.advance(61)
     wait_until("the first are sent", lambda: len(sent) == 3)
-    made.take("rex", STOP)
+    made.enqueue("rex", STOP)
     wait_until("the next is sent", lambda: len(sent) == 4)
     assert sum(each.get("left_out", 0) for each in sent) == 47
 
@@ -188,7 +188,7 @@ def test_a_target_that_hangs_holds_nobody_up(target):
     made = target(lambda _body, _within: free.wait(20), per_minute=600)
     began = time.monotonic()
     for _ in range(1000):
-        made.take("rex", STOP)
+        made.enqueue("rex", STOP)
     assert time.monotonic() - began < 15.0, "the target hangs for 20 s"
     assert len(made._waiting) <= notifier.WAITING
     free.set()

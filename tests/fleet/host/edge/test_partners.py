@@ -172,7 +172,7 @@ async def falls_silent(site, requests, mission, does):
     own.read("command", late, transport=Transport.BUS)(answers.append)
     await requests.until(lambda: answers)
     assert "it has left the run" in answers[0].reason
-    found.take(Abort("anna"))
+    found.handle(Abort("anna"))
     rex = site.yard.process.robots["rex"]
     await requests.until(lambda: runs.find(run) is None and not own.state().run and not rex.state().run)
     assert "walk" not in site.words()[after:], "a robot that was lost is not commanded again"

@@ -85,7 +85,7 @@ async def test_a_plan_of_the_cloud_is_a_run_that_carries_its_authority(cloud, re
     (part,) = run.engine.robots.active()
     await requests.until(lambda: ("running", "") in cloud.reported())
     assert cloud.robot.state().run == RUN
-    run.take(Replied(part.identity, PartOutcome.DONE, ""))
+    run.handle(Replied(part.identity, PartOutcome.DONE, ""))
     await requests.until(lambda: cloud.terminal)
     steps = [(each["status"], each["current_step"]) for each in cloud.statuses]
     assert steps[0] == ("queued", 0)
@@ -100,7 +100,7 @@ async def test_a_repeat_is_the_same_run_also_after_its_end(cloud, requests):
     assert again[0].ok
     assert cloud.run() is run
     (part,) = run.engine.robots.active()
-    run.take(Replied(part.identity, PartOutcome.DONE, ""))
+    run.handle(Replied(part.identity, PartOutcome.DONE, ""))
     await requests.until(lambda: cloud.terminal)
     before = len(cloud.statuses)
     late = cloud.say(START)
@@ -232,6 +232,6 @@ async def test_the_item_that_a_robot_is_at_is_reported_with_the_end(cloud, reque
     report = NavigationReport(1.0, part.identity, ActionState.RUNNING, 50.0, "", 4)
     cloud.edge.missions.plans.record_item(encode_report(report, 1))
     cloud.edge.missions.plans.record_item(b"no report")
-    run.take(Replied(part.identity, PartOutcome.DONE, ""))
+    run.handle(Replied(part.identity, PartOutcome.DONE, ""))
     await requests.until(lambda: cloud.terminal)
     assert (cloud.statuses[-1]["status"], cloud.statuses[-1]["current_step"]) == ("completed", 4)

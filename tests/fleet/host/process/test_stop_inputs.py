@@ -298,11 +298,11 @@ def test_a_worker_holds_its_robots_before_the_edge_s_word_and_while_the_edge_is_
     )
     assert "has not confirmed" in latches["max"].refusal()
     assert latches["kestrel"].refusal() is None, "no input names it"
-    held.take(b'{"max": "stop input button has sent no heartbeat yet"}')
+    held.apply(b'{"max": "stop input button has sent no heartbeat yet"}')
     assert latches["max"].refusal() == "stop input button has sent no heartbeat yet"
-    held.take(b"{}")
+    held.apply(b"{}")
     assert latches["max"].refusal() is None
-    held.take(b"[1]")
+    held.apply(b"[1]")
     clock.advance(SILENT_AFTER)
     held.check()
     assert latches["max"].refusal() is None
@@ -311,9 +311,9 @@ def test_a_worker_holds_its_robots_before_the_edge_s_word_and_while_the_edge_is_
     assert "is silent" in latches["max"].refusal()
     held.check()
     assert ended == [("max", latches["max"].held)], "once for each time"
-    held.take(b"{}")
+    held.apply(b"{}")
     assert latches["max"].refusal() is None
-    held.take(b'{"max": "stop input button: no heartbeat for 0.5 s"}')
+    held.apply(b'{"max": "stop input button: no heartbeat for 0.5 s"}')
     assert ended[1:] == [("max", "stop input button: no heartbeat for 0.5 s")]
 
 
@@ -333,11 +333,11 @@ def test_every_robot_is_held_though_another_joins_meanwhile():
     joins = lambda *_: latches.setdefault("new", EmergencyStopLatch())  # noqa: E731
     clock = ManualClock()
     held = HeldByEdge(latches, ended=joins, clock=clock)
-    held.take(b"{}")
-    held.take(b'{"max": "unplugged", "eve": "unplugged"}')
+    held.apply(b"{}")
+    held.apply(b'{"max": "unplugged", "eve": "unplugged"}')
     assert latches["eve"].refusal() == "unplugged"
     latches.pop("new")
-    held.take(b"{}")
+    held.apply(b"{}")
     clock.advance(SILENT_AFTER + 0.1)
     held.check()
     assert latches["eve"].refusal()
@@ -347,7 +347,7 @@ def test_every_robot_is_held_though_another_joins_meanwhile():
 async def test_what_moves_a_robot_of_a_worker_is_ended_when_the_edge_is_silent(bench, requests, how):
     controller, said = bench.controller, b"{}"
     held = HeldByEdge({"rex": controller.latch}, ended=lambda _, why: controller.end(why), clock=bench.clock)
-    held.take(said)
+    held.apply(said)
     (answer,) = bench.request(requests.goal() if how == "goal" else requests.setpoint(lease=5.0))
     assert answer.ok
     await requests.settle()
@@ -362,7 +362,7 @@ async def test_what_moves_a_robot_of_a_worker_is_ended_when_the_edge_is_silent(b
 async def test_a_landing_goes_on_when_the_edge_is_silent(bench, requests):
     controller = bench.controller
     held = HeldByEdge({"rex": controller.latch}, ended=lambda _, why: controller.end(why), clock=bench.clock)
-    held.take(b"{}")
+    held.apply(b"{}")
     bench.request(requests.command("land"))
     await requests.settle()
     bench.clock.advance(SILENT_AFTER + 0.1)

@@ -34,7 +34,7 @@ async def send(bus_session, requests):
     clock, replies = ManualClock(), []
     loop, key = asyncio.get_running_loop(), "fleet/yard-1/robots/rex/video"
     relay = VideoRelay("rex", key, bus_session, loop, clock, tell=lambda _reply: None)
-    relay.take(Command("start_video", {"recording": False}), Receipt("start_video", replies.append))
+    relay.relay(Command("start_video", {"recording": False}), Receipt("start_video", replies.append))
     return replies, clock, requests.settle
 
 

@@ -12,7 +12,7 @@ from fleet.host.requests.remaining_distance import SHORTEST, SLOWEST, WINDOW, Re
 def estimate(*metres, every=0.5):
     left = RemainingDistance()
     for number, each in enumerate(metres):
-        left.take(each, number * every)
+        left.update(each, number * every)
     return left
 
 
@@ -31,7 +31,7 @@ def test_a_robot_that_is_held_up_has_no_pace_any_more():
     left = estimate(10.0, 9.0, 8.0)
     assert left.seconds is not None
     for number in range(20):
-        left.take(8.0, 2.0 + number * 0.5)
+        left.update(8.0, 2.0 + number * 0.5)
     assert (left.metres, left.seconds) == (8.0, None)
 
 
@@ -39,8 +39,8 @@ def test_a_rest_is_no_slow_way():
     left = estimate(10.0, 9.0, 8.0)
     left.rest()
     assert (left.metres, left.seconds) == (8.0, None)
-    left.take(8.0, 100.0)
-    left.take(7.0, 101.0)
+    left.update(8.0, 100.0)
+    left.update(7.0, 101.0)
     assert left.seconds == pytest.approx(7.0)
 
 
@@ -55,7 +55,7 @@ def test_whatever_is_reported_the_seconds_are_finite_and_no_pace_is_older_than_t
     left, now = RemainingDistance(), 0.0
     for metres, elapsed in steps:
         now += elapsed
-        left.take(metres, now)
+        left.update(metres, now)
         assert left.seconds is None or 0 <= left.seconds <= metres / SLOWEST
         assert all(now - when <= WINDOW for when, _ in left._seen)
     assert SHORTEST < WINDOW

@@ -74,7 +74,7 @@ async def test_an_emergency_stop_that_fails_at_once_is_recorded_and_still_obeyed
         request = door.read("command", {"command": "emergency_stop"})
     assert "the emergency stop did not go through at once" in caplog.text
     assert [event.command for event in door.recorded] == ["emergency_stop"]
-    door.take(request)
+    door.submit(request)
     await requests.settle()
     assert bench.controller.latched
     assert "stop" in bench.adapter.calls
@@ -93,7 +93,7 @@ async def test_nothing_else_is_taken_for_an_emergency_stop(door, bench, payload)
 async def test_a_command_that_must_not_be_read_is_an_emergency_stop_with_the_reason_in_its_answer(
     door, bench, requests, caplog
 ):
-    answers = door.take(door.read("command", {"command": "takeoff"}, unread="it is too long"))
+    answers = door.submit(door.read("command", {"command": "takeoff"}, unread="it is too long"))
     await requests.settle()
     assert bench.controller.latched
     assert [(answer.ok, answer.reason) for answer in answers] == [
@@ -116,13 +116,13 @@ async def test_what_moves_the_robot_is_refused_once_it_has_waited_too_long(
 ):
     request = door.read(*message)
     bench.clock.advance(longest + 0.01)
-    (answer,) = door.take(request)
+    (answer,) = door.submit(request)
     assert answer.reason == f"it waited up to {longest:.1f} s: the edge was held up"
     assert not bench.controller.in_motion
     assert not door.intake.in_use
     request = door.read(*message)
     bench.clock.advance(longest - 0.01)
-    answers = door.take(request)
+    answers = door.submit(request)
     await requests.settle()
     assert [answer.ok for answer in answers] == [True]
     assert bench.controller.in_motion
@@ -139,11 +139,11 @@ async def test_what_moves_the_robot_is_refused_once_it_has_waited_too_long(
     ],
 )
 async def test_what_ends_motion_is_obeyed_however_long_it_waited(door, bench, requests, kind, message):
-    door.take(door.read("motion", {"linear_x": 1.0}))
+    door.submit(door.read("motion", {"linear_x": 1.0}))
     assert bench.controller.in_motion
     request = door.read(kind, message)
     bench.clock.advance(3600.0)
-    answers = door.take(request)
+    answers = door.submit(request)
     await requests.settle()
     assert [answer.ok for answer in answers] == [True]
     assert not bench.controller.in_motion
@@ -155,7 +155,7 @@ async def test_what_ends_motion_is_obeyed_however_long_it_waited(door, bench, re
 )
 async def test_a_goal_or_a_mission_that_is_refused_here_fails_under_its_id(door, bench, kind, message, step):
     bad = door.read(kind, json.dumps({**message, "position": "nowhere", "mission": []}).encode())
-    (answer,) = door.take(bad)
+    (answer,) = door.submit(bad)
     (status,) = door.published
     assert (status.action_id, status.state, status.step) == ("a1", "failed", step)
     assert status.message == answer.reason != ""
@@ -165,13 +165,13 @@ async def test_a_goal_or_a_mission_that_is_refused_here_fails_under_its_id(door,
 async def test_a_goal_that_waited_too_long_fails_under_its_id(door, bench):
     request = door.read("navigate", POSITION)
     bench.clock.advance(60.0)
-    (answer,) = door.take(request)
+    (answer,) = door.submit(request)
     (status,) = door.published
     assert (status.action_id, status.state, status.message) == ("a1", "failed", answer.reason)
 
 
 async def test_a_command_that_cannot_be_read_is_refused_and_recorded_without_a_status(door):
-    (answer,) = door.take(door.read("command", b"{", request_id="r1"))
+    (answer,) = door.submit(door.read("command", b"{", request_id="r1"))
     assert not answer.ok
     assert door.published == []
     assert [(event.kind, event.command) for event in door.recorded] == [("command", "command")]
@@ -179,18 +179,18 @@ async def test_a_command_that_cannot_be_read_is_refused_and_recorded_without_a_s
 
 async def test_a_robot_is_in_use_from_what_moves_it_on(door, bench, requests):
     for message in ({"command": "battery_check"}, {"command": "no_such"}, {"command": "stop"}):
-        door.take(door.read("command", message))
+        door.submit(door.read("command", message))
         await requests.settle()
         assert not door.intake.in_use
-    door.take(door.read("motion", {"linear_x": 1.0}))
+    door.submit(door.read("motion", {"linear_x": 1.0}))
     assert door.intake.in_use
-    door.take(door.read("command", {"command": "stop"}))
+    door.submit(door.read("command", {"command": "stop"}))
     await requests.settle()
     assert door.intake.in_use, "nobody else has taken it since"
 
 
 async def test_a_stop_that_came_by_no_message_is_followed_on_the_loop(door, bench, requests):
-    door.take(door.read("motion", {"linear_x": 1.0}))
+    door.submit(door.read("motion", {"linear_x": 1.0}))
     bench.controller.emergency("the stop key")
     cause = StopCause(Requester(Transport.BUS), "the stop key", "r1")
     await asyncio.to_thread(door.intake.follow_emergency, cause)

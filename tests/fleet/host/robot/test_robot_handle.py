@@ -158,7 +158,7 @@ async def test_a_halt_counts_for_two_seconds_and_then_only_if_it_was_confirmed()
     supervisor.answers[0]()
     clock.advance(KEPT_WITHIN + 0.1)
     assert not handle.has_left_halt, "the answer was of the one before"
-    await handle.take_halt_back()
+    await handle.withdraw_halt()
     assert supervisor.dropped == ["rex"]
 
 

@@ -135,5 +135,5 @@ def test_a_first_velocity_whose_link_failed_may_have_been_written_and_is_halted(
     control.adapter.raises = error
     replies = []
     receipt = Receipt("move", replies.append)
-    assert not control.take(control.adapter, Setpoint(FAST), receipt, superseding=False)
+    assert not control.apply(control.adapter, Setpoint(FAST), receipt, superseding=False)
     assert (control.halts, control.activity, [reply.ok for reply in replies]) == (halts, "", [False])

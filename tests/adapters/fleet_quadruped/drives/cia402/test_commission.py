@@ -39,7 +39,7 @@ class Bench:
         self.lost, self.commands = 0, []
         self.bus.connect(self)
 
-    def take(self, bus, frame):
+    def handle_frame(self, bus, frame):
         if frame.id == 0x000:
             self.commands.append(tuple(frame.data))
         elif self.lost:
@@ -213,7 +213,7 @@ def test_a_drive_without_a_torque_limit_is_refused(bench):
 def test_a_node_of_any_profile_is_written_while_it_is_pre_operational():
     bus, objects = SimBus("a"), [Object(0x2000, 0, 2, 7, "seven")]
     server = SdoServer(9, {(0x2000, 0): (2, 0)}, bus.arrive)
-    bus.connect(SimpleNamespace(take=lambda name, frame: server.take(frame)))
+    bus.connect(SimpleNamespace(handle_frame=lambda name, frame: server.handle_frame(frame)))
     write_node(bus, NodeName("mule", "a", 9), objects)
     assert server.objects[0x2000, 0].value == 7
     first, *_, last = bus.sent

@@ -24,19 +24,19 @@ class Bench:
         self.node = Cia402Node(joint, units=CountUnits(joint), half_cycle=0.005, silence=0.1, scale=0.1)
 
     def status(self, status=ENABLED, counts=0, per_mille=0, now=1.0):
-        self.node.take_status(pack_target(status, counts, per_mille), now)
+        self.node.handle_status(pack_target(status, counts, per_mille), now)
         return self
 
     def beat(self, state=OPERATIONAL, now=1.0):
-        self.node.take_heartbeat(bytes([state]), now)
+        self.node.handle_heartbeat(bytes([state]), now)
         return self
 
     def emergency(self, code, register=1):
-        self.node.take_emergency(struct.pack("<HB5x", code, register), 1.0)
+        self.node.handle_emergency(struct.pack("<HB5x", code, register), 1.0)
         return self
 
     def slow(self, *said):
-        self.node.take_slow(pack_slow(SlowPdo(*said)), 1.0)
+        self.node.handle_slow(pack_slow(SlowPdo(*said)), 1.0)
         return self
 
     def power(self, now=1.0):
@@ -66,7 +66,7 @@ def test_a_late_answer_beside_the_next_one_changes_the_angle_and_not_the_speed(b
 
 
 def test_a_status_that_is_cut_short_is_none(bench):
-    bench.node.take_status(b"\x27\x10\x00", 1.0)
+    bench.node.handle_status(b"\x27\x10\x00", 1.0)
     assert bench.power() == (Power.ABSENT, "")
 
 
@@ -103,7 +103,7 @@ def test_a_drive_without_a_heartbeat_is_a_fault_once_it_had_one(bench):
 
 def test_a_heartbeat_without_a_state_is_no_sign_of_life(bench):
     bench.status(now=9.0).beat(now=9.0)
-    bench.node.take_heartbeat(b"", 9.09)
+    bench.node.handle_heartbeat(b"", 9.09)
     assert bench.power(9.11) == (Power.FAULT, "no heartbeat (700h) from id 7 for 0.11 s")
 
 
@@ -150,7 +150,7 @@ def test_an_error_that_is_not_gone_yet_is_not_cleared(bench):
 def test_an_empty_emergency_says_nothing(bench):
     bench.status(FAULT).emergency(0x3220)
     before = bench.node.fault
-    bench.node.take_emergency(b"", 1.0)
+    bench.node.handle_emergency(b"", 1.0)
     assert bench.node.fault == before
 
 
@@ -182,7 +182,7 @@ def test_voltage_and_temperature_are_in_volts_and_degrees(bench):
 def test_a_temperature_without_a_unit_is_none(bench):
     bench.node.scale = None
     assert bench.slow(24.5, 0, 412).node.temperature is None
-    bench.node.take_slow(b"\x01", 1.0)
+    bench.node.handle_slow(b"\x01", 1.0)
     assert bench.node.voltage == 24.5
 
 

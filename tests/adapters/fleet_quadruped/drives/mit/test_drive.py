@@ -47,7 +47,7 @@ def test_a_motor_that_says_no_status_is_not_enabled_before_it_has_answered(dog):
         drives.begin_cycle(0.0)
         drives.enable()
         for frame in buses["a"].receive(0.0):
-            drives.take("a", frame, 0.01 * cycle)
+            drives.handle_frame("a", frame, 0.01 * cycle)
     powers = drives.feedback(0.5).powers
     assert [power is Power.ENABLED for power in powers] == [number != 5 for number in range(1, 13)]
 

@@ -23,7 +23,7 @@ class Bench:
         self.motor = MitMotor(joint, wire, 3, Units(joint), PROFILES[name], self.layout, 0)
 
     def reply(self, status=None, *, angle=0.0, speed=0.0, torque=0.0, temperature=None, now=1.0):
-        self.motor.take(self.layout.pack_reply((3, angle, speed, torque, status, temperature)), now)
+        self.motor.handle_reply(self.layout.pack_reply((3, angle, speed, torque, status, temperature)), now)
         return self
 
     @property
@@ -52,7 +52,7 @@ def test_a_reply_is_what_the_joint_does(bench):
 
 def test_a_reply_that_is_cut_short_is_none(bench):
     it = bench()
-    it.motor.take(b"\x13\x80\x00\x80\x00", 1.0)
+    it.motor.handle_reply(b"\x13\x80\x00\x80\x00", 1.0)
     assert it.power == (Power.ABSENT, "")
     assert not it.motor.answers.complete
 

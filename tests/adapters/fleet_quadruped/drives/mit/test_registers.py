@@ -58,7 +58,7 @@ class Motors:
 
     def _take(self, bus, frame, now):
         for motor in self.motors:
-            self.registers.take(motor, frame.data)
+            self.registers.handle_answer(motor, frame.data)
 
     def commission(self, drive=DRIVE):
         self.registers.commission(drive)
@@ -138,10 +138,10 @@ def test_a_motor_that_was_exchanged_meanwhile_is_checked_again(motors):
     ],
 )
 def test_any_other_frame_is_no_answer(motors, data):
-    assert not motors.registers.take(motors.motors[0], data)
+    assert not motors.registers.handle_answer(motors.motors[0], data)
 
 
 def test_an_answer_to_a_read_or_a_write_is_taken(motors):
     for kind in (frames.READ, frames.WRITE):
         data = struct.pack("<HBB4s", 2, kind, 21, real(12.5))
-        assert motors.registers.take(motors.motors[0], data)
+        assert motors.registers.handle_answer(motors.motors[0], data)

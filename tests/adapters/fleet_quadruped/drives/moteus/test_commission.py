@@ -65,11 +65,11 @@ class Bench:
         parts = frames.unpack(frame.data)
         for part in parts:
             if part.kind == 0x41 and part.text:
-                self.diagnostics.take(servo, self.noise + part.text[:3])
-                self.diagnostics.take(servo, part.text[3:])
+                self.diagnostics.handle_text(servo, self.noise + part.text[:3])
+                self.diagnostics.handle_text(servo, part.text[3:])
         registers = frames.reply(parts)
         if registers is not None:
-            servo.take(registers, frame.data, now)
+            servo.handle_registers(registers, frame.data, now)
 
     def commission(self):
         commission(self.servos, self.requester, self.diagnostics, SAFETY_KD)
@@ -206,5 +206,5 @@ def test_text_that_another_tool_has_asked_for_is_not_taken_for_the_answer(make):
 def test_text_without_end_is_not_kept(make):
     bench = make()
     for _ in range(100):
-        bench.diagnostics.take(bench.servos[0], bytes(100))
+        bench.diagnostics.handle_text(bench.servos[0], bytes(100))
     assert len(bench.diagnostics._texts["FL_hip"]) == 512

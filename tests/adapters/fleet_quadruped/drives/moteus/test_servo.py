@@ -24,7 +24,7 @@ class Bench:
 
     def say(self, mode, *, turns=0.0, speed=0.0, torque=0.0, code=0, now=1.0):
         registers = dict(zip(frames._QUERIED, (mode, turns, speed, torque, 2, 24.5, 41.0, code), strict=True))
-        self.servo.take(registers, bytes([mode]), now)
+        self.servo.handle_registers(registers, bytes([mode]), now)
         return self
 
     @property

@@ -22,7 +22,7 @@ class Bench:
         self.axis, self.wire = OdriveAxis(joint, wire, 7, Units(joint), b"", b""), wire
 
     def say(self, command, data, now=1.0):
-        self.axis.take(command, data, now)
+        self.axis.handle_data(command, data, now)
         return self
 
     def beat(self, state=CLOSED_LOOP, errors=0, now=1.0):

@@ -50,7 +50,7 @@ class Bench:
 
     def _take(self, bus, frame, now):
         node, command = frames.split(frame.id)
-        self.axes[node - 1].take(command, frame.data, now)
+        self.axes[node - 1].handle_data(command, frame.data, now)
 
     def commission(self):
         commission(self.axes, self.requester, self.drive)

@@ -45,7 +45,7 @@ def test_a_drive_in_a_state_of_its_own_is_not_trusted(odrives):
     rig.go(0.1)
     calibrating = wire.pack_heartbeat(0, 3)  # it turns its motor
     drives = rig.controller.drives
-    drives.take("a", CanFrame(wire.identifier(8, OdriveCommand.HEARTBEAT), calibrating), rig.sim.time)
+    drives.handle_frame("a", CanFrame(wire.identifier(8, OdriveCommand.HEARTBEAT), calibrating), rig.sim.time)
     feedback = drives.feedback(rig.sim.time)
     assert feedback.powers[7] is Power.FAULT
     assert feedback.faults[7] == "id 8 is in state 3, in which it moves its motor by itself"
@@ -71,7 +71,7 @@ def test_nothing_is_enabled_before_its_gains_are_zero(odrives):
         drives.enable()
         order += [wire.split(frame.id)[1] for frame in buses["a"].sent if wire.split(frame.id)[0] == 1]
         for frame in buses["a"].receive(0.0):
-            drives.take("a", frame, 0.01 * cycle)
+            drives.handle_frame("a", frame, 0.01 * cycle)
     assert (
         order.index(OdriveCommand.POS_GAIN)
         < order.index(OdriveCommand.VEL_GAINS)
