@@ -184,13 +184,13 @@ class Failsafes:
             if self.troubles and self._keeping == "set":
                 await self._set_on_the_ground()
         except CommandError as error:
-            self._tell((f"its fail-safes could not be verified: {error.reason}",))
+            self._report((f"its fail-safes could not be verified: {error.reason}",))
             return False
         return True
 
     async def verify(self) -> None:
         """Read the parameters and store the problems; raises like reading a parameter."""
-        self._tell(tuple([trouble for rule in self._rules() if (trouble := await self._trouble(rule))]))
+        self._report(tuple([trouble for rule in self._rules() if (trouble := await self._trouble(rule))]))
 
     async def set(self) -> None:
         """Correct wrong parameters; raises Refused while the motors run."""
@@ -242,7 +242,7 @@ class Failsafes:
                 continue
         return rule.names[-1], (await self._parameters.read(rule.names[-1:]))[0].value
 
-    def _tell(self, troubles: tuple[str, ...]) -> None:
+    def _report(self, troubles: tuple[str, ...]) -> None:
         """Store the problems, and report them if they have changed."""
         if troubles != self.troubles:
             self.troubles = troubles

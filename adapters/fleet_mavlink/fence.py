@@ -90,17 +90,17 @@ class FenceUploader:
 
     async def run(self) -> None:
         """Upload the fence at each connect and after each reboot, until cancelled."""
-        self._tell("the fence is not in the autopilot yet")
+        self._report("the fence is not in the autopilot yet")
         while True:
             await self._vehicle.until(self._is_met, _FOREVER)
             reboots = self._vehicle.state.reboots
             wait = _FOREVER
             try:
                 await self._bring()
-                self._tell("")
+                self._report("")
             except CommandError as error:
                 wait = _AGAIN
-                self._tell(f"the fence is not in the autopilot: {error.reason}")
+                self._report(f"the fence is not in the autopilot: {error.reason}")
             await self._vehicle.restarted(reboots, wait)
 
     def _is_met(self, _state: VehicleState) -> bool:
@@ -130,10 +130,10 @@ class FenceUploader:
     async def _landed(self) -> None:
         """Wait until the motors are off."""
         if self._vehicle.state.armed:
-            self._tell("the autopilot has another fence, which is not changed in flight")
+            self._report("the autopilot has another fence, which is not changed in flight")
             await self._vehicle.until(lambda state: not state.armed, _FOREVER)
 
-    def _tell(self, trouble: str) -> None:
+    def _report(self, trouble: str) -> None:
         """Store the problem, and report it if it has changed."""
         before, self.troubles = self.troubles, (trouble,) if trouble else ()
         if before != self.troubles:

@@ -44,7 +44,7 @@ class VehicleHome:
             raise NotReady("position is unknown")
         altitude = None if _may_fly(state) else here.altitude
         _require_place(here.latitude, here.longitude, altitude or 0.0)
-        await self._tell(here.latitude, here.longitude, altitude)
+        await self._send(here.latitude, here.longitude, altitude)
 
     async def set_to(self, latitude: float, longitude: float, altitude: float | None) -> None:
         """Make a position home, and wait until the vehicle reports it; m AMSL, None: home's present altitude.
@@ -56,9 +56,9 @@ class VehicleHome:
         _require_place(latitude, longitude, altitude or 0.0)
         if altitude is not None and _may_fly(self._vehicle.state):
             raise Refused("in the air home keeps its altitude", hint="leave the altitude out")
-        await self._tell(latitude, longitude, altitude)
+        await self._send(latitude, longitude, altitude)
 
-    async def _tell(self, latitude: float, longitude: float, altitude: float | None) -> None:
+    async def _send(self, latitude: float, longitude: float, altitude: float | None) -> None:
         """Send a home position, and wait until the vehicle reports it."""
         home = GeoPoint(latitude, longitude, await self.altitude() if altitude is None else altitude)
 

@@ -119,11 +119,11 @@ class RemoteId:
         count = 0
         while True:
             with contextlib.suppress(LinkLost):
-                self._tell(whole=count % _WHOLE_EVERY == 0)
+                self._send(whole=count % _WHOLE_EVERY == 0)
             count += 1
             await asyncio.sleep(_UPDATE)
 
-    def _tell(self, *, whole: bool) -> None:
+    def _send(self, *, whole: bool) -> None:
         """Send the position of the operator, or the complete set; raises LinkLost."""
         beat = self._vehicle.state.heartbeat
         if self._config is None or beat is None or not self._vehicle.connected:

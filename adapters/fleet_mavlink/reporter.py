@@ -75,7 +75,7 @@ class Reporter:
             self._robot.report(report)
         return report is not None
 
-    def said(self, sentence: Sentence) -> None:
+    def report_text(self, sentence: Sentence) -> None:
         """Report a text of the autopilot."""
         self._robot.report(reports.log_report(sentence, self._robot.clock.time()))
 

@@ -132,7 +132,7 @@ class VehicleSession:
         self._reporter = Reporter(vehicle, config, robot, self.origin, self.counts)
         vehicle.log = robot.log
         vehicle.on_heartbeat = self._heartbeat
-        vehicle.on_sentence = self._reporter.said
+        vehicle.on_sentence = self._reporter.report_text
 
     def origin(self) -> GeoOrigin | None:
         """Return the world's origin: the one of fleet.yaml, else home; None while that is unknown."""

@@ -46,12 +46,12 @@ class CheckMoves:
         """Record an observation whenever the trunk has come to rest; leave when the check is over."""
         if state.mode == BodyMode.CHECKING:
             self._moving = state.stamp if self._moving is None else self._moving
-            self._look(state, state.stamp - self._moving)
+            self._observe(state, state.stamp - self._moving)
         elif state.answered and state.mode == BodyMode.OFF:
             self.ended = self.ended or state.refusal or state.fault
             self._leave = True
 
-    def _look(self, state: DogState, passed: float) -> None:
+    def _observe(self, state: DogState, passed: float) -> None:
         """Record one observation towards the end of each pause."""
         number = len(self.looks)
         if number < len(self._times) and passed >= self._times[number] - HOLD_TIME / 4:

@@ -142,7 +142,7 @@ class Board:
         while self._inbox:
             at, stamp, event = self._inbox.popleft()
             self._handle_event(event, at, stamp)
-        self._look(now)
+        self._check_link(now)
         self._keep(now)
         if self.observer.metrics_due(now):
             self.metrics()
@@ -174,7 +174,7 @@ class Board:
         for report in self.observer.reports(feedback, at, stamp):
             self._robot.report(report)
 
-    def _look(self, now: float) -> None:
+    def _check_link(self, now: float) -> None:
         """Detect silence and an unconfirmed setup, and report the health of the link."""
         before = self.readiness.phase
         if self.readiness.lost(now):
@@ -199,7 +199,7 @@ class Board:
             self._request(now, self._profile.poll, self.codec.poll)
         elif self.readiness.is_silent:
             self._request(now, GREETING, self.codec.hello)
-        self._motion.look()
+        self._motion.poll()
 
     def _request(self, now: float, every: float, question: Callable[[], bytes]) -> None:
         """Write a poll when it is due."""

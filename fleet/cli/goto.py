@@ -95,7 +95,7 @@ def goto(
 
 def _aim(places: tuple[str, ...], path: Path | None, *, geo: bool, site: bool) -> GotoTarget:
     """Return the target from the command line or its file."""
-    route = read_route(path) if path is not None else _said(places)
+    route = read_route(path) if path is not None else _waypoints(places)
     if route.geo and site:
         raise click.UsageError("--site is metres, and the places of the file are on Earth")
     frame = "geo" if geo or route.geo else "site" if site else "world"
@@ -103,7 +103,7 @@ def _aim(places: tuple[str, ...], path: Path | None, *, geo: bool, site: bool) -
     return GotoTarget(x, y, z[0] if z else None, frame, via=tuple(via))
 
 
-def _said(places: tuple[str, ...]) -> Waypoints:
+def _waypoints(places: tuple[str, ...]) -> Waypoints:
     """Return the places of the command line."""
     try:
         return route_of(places)

@@ -200,13 +200,13 @@ async def drive(out: Output, store: NatsFleetStore) -> ExitCode:
     end_by_signal(detached.set)
     last: dict[str, object] = {}
 
-    def tell(found: Rollout, observed: Mapping[str, ObservedState]) -> None:
+    def show_progress(found: Rollout, observed: Mapping[str, ObservedState]) -> None:
         line = _headline(found)
         if last.get("line") != line:
             out.note(line)
         last.update(line=line, rollout=found, observed=observed)
 
-    driving = asyncio.ensure_future(Driver(store, clock=SystemClock(), tell=tell).drive())
+    driving = asyncio.ensure_future(Driver(store, clock=SystemClock(), tell=show_progress).drive())
     ending = asyncio.ensure_future(detached.wait())
     await asyncio.wait({driving, ending}, return_when=asyncio.FIRST_COMPLETED)
     ending.cancel()

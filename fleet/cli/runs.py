@@ -50,7 +50,12 @@ def run_lines(states: Sequence[RunState], width: int | None) -> list[str]:
     lines = [] if states else ["no run is under way"]
     for state in states:
         rows = [
-            [each.robot, each.role, each.doing or each.outcome or "waits", " > ".join(each.lane) + _why(each)]
+            [
+                each.robot,
+                each.role,
+                each.doing or each.outcome or "waits",
+                " > ".join(each.lane) + _exit_reason(each),
+            ]
             for each in state.robots
         ]
         shown = table_lines(["robot", "role", "now", "lane"], rows, (width or WIDE) - 2)
@@ -58,7 +63,7 @@ def run_lines(states: Sequence[RunState], width: int | None) -> list[str]:
     return lines
 
 
-def _why(robot: RunRobot) -> str:
+def _exit_reason(robot: RunRobot) -> str:
     """Return why a robot is out of its run, as the end of its parts."""
     return f" ({robot.reason})" if robot.reason else ""
 
@@ -68,7 +73,7 @@ def follow(out: Output, run: MissionRun) -> ExitCode:
     shown: set[str] = set()
     try:
         for state in run.follow():
-            _tell(out, state, shown)
+            _show_changes(out, state, shown)
             if state.outcome:
                 return _ended(out, state)
     except TimedOut as error:
@@ -81,7 +86,7 @@ def follow(out: Output, run: MissionRun) -> ExitCode:
     return ExitCode.UNKNOWN
 
 
-def _tell(out: Output, state: RunState, shown: set[str]) -> None:
+def _show_changes(out: Output, state: RunState, shown: set[str]) -> None:
     """Show the changes."""
     run, step = f"the run {phase_words(state.phase, state.step)}", step_of(state.step)
     lines = [run + (f": {state.waits_for}" if state.waits_for else "")] if not state.outcome else []

@@ -165,7 +165,7 @@ class StopAttempts:
         return [answer for each in self._supervisors for answer in each.answers]
 
     @property
-    def kept(self) -> list[StopAnswer]:
+    def pending(self) -> list[StopAnswer]:
         """The answers for edges that are away, and start with the stop when they are back."""
         return [answer for answer in self._answers if answer.kept]
 
@@ -280,11 +280,11 @@ def _outcomes(
 def _report(out: Output, effort: StopAttempts, edges: Edges, result: StopResult) -> ExitCode:
     """Report the stopped robots, the others, the reached edges, and errors in the file."""
     problems = effort.problems
-    if not edges.joined and not effort.kept and not result.hit:
+    if not edges.joined and not effort.pending and not result.hit:
         advice = f"no edge is running here; {START}"
         raise NotRunning("; ".join([*problems, *(edges.unreached or [advice])]))
     stopped = sorted({name for edge, name in result.hit if (edge, name) not in result.failed})
-    kept = {answer.edge: sorted(answer.names) for answer in effort.kept}
+    kept = {answer.edge: sorted(answer.names) for answer in effort.pending}
     failed = {name: why for (_, name), why in sorted(result.failed.items())}
     reached = sorted({*edges.joined, *effort.supervised})
     document = {"stopped": stopped, "failed": failed, "missing": result.missing, "kept": kept}

@@ -110,7 +110,7 @@ def _snapshots(watch: FleetWatch, file: str | None, *, site: bool) -> Iterator[S
     """Yield the state repeatedly."""
     ours = site_of(file) if site else None
     while True:
-        edges = watch.look()
+        edges = watch.update()
         yield SiteSnapshot(of_sites(edges, watch.joined, ours) if site else edges, watch.problems)
         time.sleep(EVERY)
 

@@ -59,7 +59,7 @@ class FleetWatch:
         self._disconnect()
         self._save()
 
-    def look(self) -> list[SeenEdge]:
+    def update(self) -> list[SeenEdge]:
         """Update the view and return all edges."""
         if self._link is not None and not self._is_current(self._link):
             self._disconnect()

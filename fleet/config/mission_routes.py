@@ -55,7 +55,7 @@ class RouteCheck:
             self._check_plan(each, (*at, index), meant)
         wanted = made_for(plan) if isinstance(plan, dict) else ()
         out = sorted(robot.name for robot in meant if robot.plans() and not robot.plans() >= {*wanted})
-        self._tell(out, meant, at, f"it was made for {' '.join(wanted)}, which {{}} is not", "fly it")
+        self._report(out, meant, at, f"it was made for {' '.join(wanted)}, which {{}} is not", "fly it")
 
     def _meant(self, roles: Mapping[str, RoleConfig], role: str) -> list[AdapterConfig]:
         """Return the robots that may fill a role."""
@@ -98,9 +98,9 @@ class RouteCheck:
     def _check_point(self, point: Place, where: YamlPath, meant: list[AdapterConfig]) -> None:
         """Check one point against the fences."""
         out = sorted(robot.name for robot in meant if is_allowed(robot, point, self._site) is False)
-        self._tell(out, meant, where, "it is outside the fence of {}", "go there")
+        self._report(out, meant, where, "it is outside the fence of {}", "go there")
 
-    def _tell(
+    def _report(
         self, out: list[str], meant: list[AdapterConfig], where: YamlPath, message: str, what: str
     ) -> None:
         """Report an error that affects every robot of a role; warn if it affects only some."""

@@ -75,7 +75,7 @@ class Tab:
             PageControlRequest: self._control,
             PageGiveRequest: self._give,
             ScheduleChange: self._schedule,
-            **dict.fromkeys(self._lookups.calls, self._look),
+            **dict.fromkeys(self._lookups.calls, self._answer_read),
         }
 
     async def run(self) -> None:
@@ -106,7 +106,7 @@ class Tab:
         async with self._sending:
             await self._socket.send_text(message.decode())
 
-    async def _tell(self, request: str, robot: str, result: Mapping[str, object]) -> None:
+    async def _reply(self, request: str, robot: str, result: Mapping[str, object]) -> None:
         """Answer a request; a closed page needs no answer."""
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
             answer = {"type": "answer", "request": request, "robot": robot, **result}
@@ -123,7 +123,7 @@ class Tab:
                 await self._begin_request(read_requested(message.get("text") or message.get("bytes") or b""))
             except WireError as error:
                 bad += 1
-                await self._tell("", "", {"status": "rejected", "reason": f"it cannot be read: {error}"})
+                await self._reply("", "", {"status": "rejected", "reason": f"it cannot be read: {error}"})
                 if bad >= MOST_BAD:
                     await self._socket.close(UNREADABLE)
                     return
@@ -134,14 +134,14 @@ class Tab:
             await self._send(msgspec.json.encode({"type": "pong", "number": requested.number}))
             return
         if why := self._operator.permission.refusal(needed_for(requested)):
-            await self._tell(getattr(requested, "request", ""), "", {"status": "rejected", "reason": why})
+            await self._reply(getattr(requested, "request", ""), "", {"status": "rejected", "reason": why})
         elif isinstance(requested, PageWatchRequest):
             self.watched = requested.robot
             self._hub.edges.queries.request_description(requested.robot)
         elif isinstance(requested, PageDriveRequest):
             self._driving.drive(requested)
         elif len(self._open) >= MOST_OPEN and not isinstance(requested, PageStopRequest):
-            await self._tell(requested.request, "", {"status": "rejected", "reason": TOO_MANY})
+            await self._reply(requested.request, "", {"status": "rejected", "reason": TOO_MANY})
         else:
             self._begin(self._guarded(requested))
 
@@ -160,17 +160,17 @@ class Tab:
         try:
             await self._calls[type(requested)](requested)
         except FleetError as error:
-            await self._tell(requested.request, "", commands.refused(error))
+            await self._reply(requested.request, "", commands.refused(error))
         except Exception as error:
             log.exception("a request of a page failed")
             result = {"status": "rejected", "reason": f"the console failed: {error!r}"}
-            await self._tell(requested.request, "", result)
+            await self._reply(requested.request, "", result)
 
     async def _stop(self, requested: PageStopRequest) -> None:
         """Stop robots. It continues if the page is closed."""
         stop = self._hub.stop(StopTarget(requested.robots), self._operator, requested.why, requested.request)
         result = await asyncio.shield(stop)
-        await self._tell(requested.request, "", {"status": "accepted", "stop": result})
+        await self._reply(requested.request, "", {"status": "accepted", "stop": result})
 
     async def _command(self, requested: PageReleaseRequest | PageGotoRequest | PageCommandRequest) -> None:
         """Send a command to robots concurrently, and forward each answer as it arrives."""
@@ -185,18 +185,18 @@ class Tab:
         if bus_session is None:
             raise Refused(f"{name} cannot be asked: no edge is reached")
         async for reply in commands.send(prepared, bus_session, self._operator, self._hub.clock):
-            await self._tell(request, name, _shown(reply))
+            await self._reply(request, name, _shown(reply))
 
-    async def _look(self, requested: AnsweredRequest) -> None:
+    async def _answer_read(self, requested: AnsweredRequest) -> None:
         """Answer a read-only request."""
         found = await self._lookups.calls[type(requested)](requested)
-        await self._tell(requested.request, "", {"status": "accepted", **found})
+        await self._reply(requested.request, "", {"status": "accepted", **found})
 
     async def _mission(self, requested: PageMissionRequest) -> None:
         """Start a mission."""
         bus_sessions = list(self._hub.edges.bus_sessions().values())
         start = asyncio.to_thread(missions.start, requested, bus_sessions, self._operator, self._hub.clock)
-        await self._tell(requested.request, "", await start)
+        await self._reply(requested.request, "", await start)
 
     async def _rehearse(self, requested: PageRehearseRequest) -> None:
         """Rehearse a mission; closing the page ends it."""
@@ -204,19 +204,19 @@ class Tab:
         async for state in missions.rehearse(requested, bus_sessions, self._operator):
             done = {} if state.result is None else {"done": True}
             result = {"status": "accepted", "rehearsal": msgspec.to_builtins(state), **done}
-            await self._tell(requested.request, "", result)
+            await self._reply(requested.request, "", result)
 
     async def _run(self, requested: PageRunRequest) -> None:
         """Control a run."""
         bus_sessions = list(self._hub.edges.bus_sessions().values())
         control = asyncio.to_thread(missions.control, requested, bus_sessions, self._operator)
-        await self._tell(requested.request, "", await control)
+        await self._reply(requested.request, "", await control)
 
     async def _control(self, requested: PageControlRequest) -> None:
         """Request control of a robot."""
         result = control.requested(requested, self._hub.view, self._operator, self._hub.clock.time())
         self._hub.view.put("requests", requested.robot, result)
-        await self._tell(requested.request, "", {"status": "accepted"})
+        await self._reply(requested.request, "", {"status": "accepted"})
 
     async def _give(self, requested: PageGiveRequest) -> None:
         """Give up control of a robot, or keep it."""
@@ -224,14 +224,14 @@ class Tab:
         if requested.give:
             await self._command(PageCommandRequest(requested.request, requested.robot, "stop"))
         self._hub.view.put("requests", requested.robot, answered)
-        await self._tell(requested.request, "", {"status": "accepted", "done": True})
+        await self._reply(requested.request, "", {"status": "accepted", "done": True})
 
     async def _schedule(self, requested: ScheduleChange) -> None:
         """Change a schedule."""
         bus_sessions = list(self._hub.edges.bus_sessions().values())
         found = await asyncio.to_thread(schedules.change, requested, bus_sessions, self._operator)
         self._hub.view.update_schedules(requested.edge, found)
-        await self._tell(requested.request, "", {"status": "accepted", "done": True})
+        await self._reply(requested.request, "", {"status": "accepted", "done": True})
 
 
 def _hello(operator: ConsoleUser) -> bytes:

@@ -173,7 +173,7 @@ class People:
 
     def find(self, name: str) -> Person | None:
         """Return a person by name."""
-        self._look()
+        self._reload_if_changed()
         return self._people.get(name)
 
     def knows(self, person: Person) -> bool:
@@ -182,10 +182,10 @@ class People:
 
     def is_empty(self) -> bool:
         """Return True if there are no people, so that no login is possible."""
-        self._look()
+        self._reload_if_changed()
         return not self._people
 
-    def _look(self) -> None:
+    def _reload_if_changed(self) -> None:
         """Read the file again if it has changed."""
         try:
             status = self._path.stat()

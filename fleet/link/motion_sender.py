@@ -74,7 +74,7 @@ class MotionSender:
         self._repeats = STOP_REPEATS
         return self._slot.halt(self._stop())
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Write waiting motion and due repeats; call it every ``POLL_INTERVAL`` s. Raises LinkLost."""
         self._slot.flush()
         now = self._clock.monotonic()

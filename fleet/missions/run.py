@@ -166,7 +166,7 @@ class Run:
     def poll(self) -> None:
         """Poll the robots, and let time pass."""
         for member in self.engine.robots.ours():
-            self._look(member.robot)
+            self._check_robot(member.robot)
         self.observe([member.robot for member in self.engine.robots.spares("all")])
         self.holding.expire()
         self.handle(Tick())
@@ -177,7 +177,7 @@ class Run:
             if robot in self._services.robots:
                 self.handle(facts_of(self._services.robots[robot].state()))
 
-    def _look(self, robot: str) -> None:
+    def _check_robot(self, robot: str) -> None:
         """Pass the facts of a robot to the engine, and whether it has left the run."""
         state = self._services.robots[robot].state()
         self.handle(facts_of(state))
@@ -297,7 +297,7 @@ class Run:
         if outcome is None or part is None:
             return
         if outcome is not PartOutcome.DONE and part.inflight:
-            self._look(part.robot)
+            self._check_robot(part.robot)
         self.handle(Replied(part.identity, outcome, reply.reason))
 
     def join(self, robot: str, answer: Callable[[Reply], None]) -> None:

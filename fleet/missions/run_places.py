@@ -88,16 +88,16 @@ class RunPlaces:
         try:
             self._settle(self._occupancy.request(run, _wanted(program), now=now, within=within))
         except ValueError as error:  # fleet.yaml has changed since its start
-            self._tell(run, PlaceOccupied(late=f"occupies: {error}"))
+            self._notify(run, PlaceOccupied(late=f"occupies: {error}"))
 
     def _settle(self, settled: Iterable[Settled]) -> None:
         """Inform runs whose wait has ended."""
         for each in settled:
             if each.verdict is ClaimVerdict.GRANTED:
-                self._tell(each.holder, PlaceOccupied())
+                self._notify(each.holder, PlaceOccupied())
             else:
                 late = f"{each.place} did not become free in time: {self._names(each.held_by)} it"
-                self._tell(each.holder, PlaceOccupied(late=late))
+                self._notify(each.holder, PlaceOccupied(late=late))
 
     def _notify_waiting(self) -> None:
         """Inform waiting runs of the place and its holder, if that has changed."""
@@ -115,7 +115,7 @@ class RunPlaces:
         named = [f"run {run} of {self._missions.get(run, 'a mission')}" for run in holders]
         return f"{' and '.join(named) or 'another run'} has"
 
-    def _tell(self, run: str, event: PlaceOccupied) -> None:
+    def _notify(self, run: str, event: PlaceOccupied) -> None:
         """Inform a run; one that is not in progress yet requests its places again later."""
         found = self._run_of(run)
         if found is not None:

@@ -154,7 +154,7 @@ class RunStore:
         found = []
         for run, about, program, head, stamp, elapsed in rows:
             try:
-                found.append(self._kept(run, about, program, head, stamp, elapsed))
+                found.append(self._stored_run(run, about, program, head, stamp, elapsed))
             except (msgspec.DecodeError, sqlite3.Error) as error:
                 self.lost = f"run {run} cannot be read, its outcome is unknown: {error}"
                 log.error("%s", self.lost)  # noqa: TRY400 - reported in the edge's health
@@ -196,7 +196,9 @@ class RunStore:
             self._database.close()
             self._database = None
 
-    def _kept(self, run: str, about: str, program: str, head: str, stamp: float, elapsed: float) -> StoredRun:  # noqa: PLR0917 - a row
+    def _stored_run(  # noqa: PLR0917 - a row
+        self, run: str, about: str, program: str, head: str, stamp: float, elapsed: float
+    ) -> StoredRun:
         """Return a run from its rows; raises DecodeError, sqlite3.Error."""
         return StoredRun(
             decode_json(about.encode(), About),

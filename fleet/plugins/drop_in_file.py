@@ -62,7 +62,7 @@ def import_file(path: Path) -> Imported:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # noqa: BLE001 - untrusted code
-        return Imported(reports=(why(error, path),))
+        return Imported(reports=(reason_of(error, path),))
     if not classes:
         return Imported(reports=("it defines no Adapter or FrameAdapter",))
     adapters, reports = [], []
@@ -72,7 +72,7 @@ def import_file(path: Path) -> Imported:
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # noqa: BLE001 - the checks run the plugin's own annotations and methods
-            reports.append(f"{adapter.__name__}: {why(error, path)}")
+            reports.append(f"{adapter.__name__}: {reason_of(error, path)}")
     return Imported(tuple(adapters), tuple(reports))
 
 
@@ -179,7 +179,7 @@ def _check_attributes(adapter: type[AnyAdapter]) -> None:
         adapter.navigates()
 
 
-def why(error: BaseException, path: Path | None) -> str:
+def reason_of(error: BaseException, path: Path | None) -> str:
     """Return the reason on one line, with the file and line of the error."""
     if isinstance(error, Unusable | BadDeclaration):
         return str(error)

@@ -20,7 +20,7 @@ from pathlib import Path
 import msgspec
 
 from fleet.adapter import AnyAdapter
-from fleet.plugins.drop_in_file import Unusable, checked, insecure, outdated, why
+from fleet.plugins.drop_in_file import Unusable, checked, insecure, outdated, reason_of
 from fleet.plugins.probe import AdapterDescription, CheckedConfig, ConfigCase, Probe, ProbeError
 
 log = logging.getLogger(__name__)
@@ -178,7 +178,7 @@ def _loaded(plugin: Plugin, point: EntryPoint) -> Plugin:
     # An adapter is third-party code: any exception of its import is reported and affects only its own robots.
     except BaseException as error:
         log.debug("adapter %s failed to load", plugin.name, exc_info=True)
-        report = why(error, None) + _install_hint(error, point)
+        report = reason_of(error, None) + _install_hint(error, point)
         return msgspec.structs.replace(plugin, state=PluginState.FAILED, report=report)
     return msgspec.structs.replace(
         plugin, state=PluginState.LOADED, report=outdated(adapter), adapter=adapter

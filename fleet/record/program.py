@@ -26,7 +26,7 @@ from fleet.runtime.event_loop import run
 log = logging.getLogger(__name__)
 
 
-def _tell(problem: str) -> None:
+def _report(problem: str) -> None:
     """Write an error to our parent; if the write fails, the parent is gone, and this process ends soon."""
     sys.stdout.buffer.write(msgspec.json.encode(problem) + b"\n")
     sys.stdout.buffer.flush()
@@ -39,7 +39,7 @@ def main() -> int:
     start_logging(msgspec.structs.replace(wanted, level=logging.WARNING))
 
     async def work(ended: asyncio.Event) -> None:
-        await record(task, runtime_dir(), ended, SystemClock(), on_problem=_tell)
+        await record(task, runtime_dir(), ended, SystemClock(), on_problem=_report)
 
     try:
         task = decode_json(sys.stdin.buffer.read(), RecordTask)
@@ -48,7 +48,7 @@ def main() -> int:
         log.error("the task of this recorder cannot be read: %s", error)  # noqa: TRY400
         return 1
     except FleetError as error:
-        _tell(str(error))
+        _report(str(error))
         log.error("%s", error)  # noqa: TRY400 - one line for a person, no traceback
         return 1
     return 0

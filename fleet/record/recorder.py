@@ -77,7 +77,7 @@ class Recorder:
         except (OSError, StateError) as error:
             self._fail(error)
         else:
-            self._tell(self._losses(dropped))
+            self._set_problem(self._losses(dropped))
 
     def _losses(self, dropped: int) -> str:
         """Describe the losses; ``dropped`` samples exceeded the limit."""
@@ -111,9 +111,9 @@ class Recorder:
         self._ring.end_file()
         self._not_before = self._clock.monotonic() + AGAIN
         reason = (error.strerror or str(error)) if isinstance(error, OSError) else str(error)
-        self._tell(reason if isinstance(error, StateError) else f"nothing is recorded: {reason}")
+        self._set_problem(reason if isinstance(error, StateError) else f"nothing is recorded: {reason}")
 
-    def _tell(self, problem: str) -> None:
+    def _set_problem(self, problem: str) -> None:
         """Set the problem, and log a new one."""
         if problem and problem != self.problem:
             log.error("%s", problem)

@@ -22,7 +22,7 @@ NICE = 10  # robots have priority
 _encode = msgspec.json.Encoder().encode
 
 
-def tell(line: RehearsalLine) -> None:
+def write_line(line: RehearsalLine) -> None:
     """Write a line."""
     sys.stdout.buffer.write(_encode(line) + b"\n")
     sys.stdout.buffer.flush()
@@ -42,11 +42,11 @@ def main() -> int:
     try:
         task = decode_json(sys.stdin.buffer.readline(), RehearsalTask)
     except msgspec.DecodeError as error:
-        tell(RehearsalLine(failure=f"the task cannot be read: {error}"))
+        write_line(RehearsalLine(failure=f"the task cannot be read: {error}"))
         return 1
     threading.Thread(target=_end_with_stdin, daemon=True).start()
     os.environ["XDG_STATE_HOME"] = os.environ["XDG_CACHE_HOME"] = os.devnull  # no folder can be created there
-    tell(rehearse(task, tell))
+    write_line(rehearse(task, write_line))
     return 0
 
 

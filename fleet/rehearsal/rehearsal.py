@@ -140,7 +140,7 @@ class Rehearsal:
         cause = local_cause("", why)
         for name in names:
             robot = self._robots.robots[name]
-            robot.controller.latch.engage(cause.why)
+            robot.controller.latch.engage(cause.sentence)
             robot.controller.halt(emergency=True)
             robot.requests.follow_emergency(cause)
 

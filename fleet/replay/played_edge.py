@@ -77,20 +77,20 @@ class PlayedEdge:
             state = decode_json(message.data, RobotState)
             if state.name not in self._senders:
                 self._senders[state.name] = self._outbox.sender(state.twin)
-            self._tell(keys.state(self.name, state.name), state, edge=self.name, simulated=True, stamp=now)
+            self._publish(keys.state(self.name, state.name), state, edge=self.name, simulated=True, stamp=now)
         elif message.schema == "fleet.EdgeState":
             edge = decode_json(message.data, EdgeState)
-            self._tell(keys.health(self.name), edge, edge=self.name, stamp=now)
+            self._publish(keys.health(self.name), edge, edge=self.name, stamp=now)
         elif message.schema == "fleet.RunState":
             run = decode_json(message.data, RunState)
-            self._tell(keys.run(self.name, run.run), run, edge=self.name)
+            self._publish(keys.run(self.name, run.run), run, edge=self.name)
         elif message.schema == "fleet.Record":
             event = decode_json(message.data, Record)
             self._events.append(msgspec.structs.replace(event, edge=""))
         else:
             self._report(message, now)
 
-    def _tell(self, key: str, state: msgspec.Struct, **changes: object) -> None:
+    def _publish(self, key: str, state: msgspec.Struct, **changes: object) -> None:
         """Publish a state, and store it for queries."""
         self._last[key] = payload = msgspec.json.encode(msgspec.structs.replace(state, **changes))
         self._bus.control.put(key, payload)

@@ -107,7 +107,7 @@ class Schedules:
         async with self._lock:
             if self._store.set_aside is not None:
                 self._event("", "what schedules fired before is lost: its file was damaged", Severity.ERROR)
-            if not await self._kept(self._read):
+            if not await self._try_disk(self._read):
                 return
             if after_takeover:
                 self._seen = dict.fromkeys(self._configs, self._clock.time())
@@ -144,15 +144,15 @@ class Schedules:
                 old = before.get(firing.schedule)
                 if new is None or old is None or new.digest() != old.digest():
                     await self._skipped(firing, f"the schedule {'is gone' if new is None else 'has changed'}")
-            await self._kept(self._read)
+            await self._try_disk(self._read)
 
     async def poll(self) -> None:
         """Record due firings, and start them."""
         async with self._lock:
-            if not self._seen.keys() >= self._configs.keys() and not await self._kept(self._read):
+            if not self._seen.keys() >= self._configs.keys() and not await self._try_disk(self._read):
                 return
             for name in self._configs:
-                await self._look(name)
+                await self._record_firings(name)
             for firing in list(self._waiting.values()):
                 await self._try(firing)
 
@@ -213,7 +213,7 @@ class Schedules:
 
     # -- firings ---------------------------------------------------------------------------------------
 
-    async def _look(self, name: str) -> None:
+    async def _record_firings(self, name: str) -> None:
         """Record the firings of one schedule since the last check."""
         config, now, seen = self._configs[name], self._clock.time(), self._seen[name]
         if (
@@ -238,7 +238,7 @@ class Schedules:
     async def _record(self, name: str, new: list[Firing], now: float, why: str = "") -> None:
         """Write firings to disk; a firing to be started replaces an older waiting one."""
         new = [msgspec.structs.replace(firing, recorded=now) for firing in new]
-        kept = await self._kept(partial(self._store.record, name, new, now))
+        kept = await self._try_disk(partial(self._store.record, name, new, now))
         if kept is None:
             for firing in new:
                 self._report_skipped(firing, f"it cannot be recorded: {self.problem}")
@@ -291,7 +291,7 @@ class Schedules:
         self._waiting.pop(firing.schedule, None)
         started = msgspec.structs.replace(firing, state=STARTED, run=run)
         # if the write fails, the next process looks it up by its key
-        await self._kept(partial(self._store.end, started))
+        await self._try_disk(partial(self._store.end, started))
         self._event(firing.schedule, f"started as {run}" + f"; {why}" * bool(why), run=run, due=firing.due)
 
     async def _skipped(self, firing: Firing, why: str) -> None:
@@ -299,10 +299,10 @@ class Schedules:
         if self._waiting.get(firing.schedule) == firing:
             del self._waiting[firing.schedule]
         skipped = msgspec.structs.replace(firing, state=SKIPPED, reason=why)
-        await self._kept(partial(self._store.end, skipped))
+        await self._try_disk(partial(self._store.end, skipped))
         self._report_skipped(firing, why)
 
-    async def _kept(self, work: Callable[[], T]) -> T | None:
+    async def _try_disk(self, work: Callable[[], T]) -> T | None:
         """Run disk work on a thread; if it fails, set ``problem`` and return None."""
         try:
             done = await asyncio.to_thread(work)

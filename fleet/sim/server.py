@@ -35,7 +35,7 @@ class SimulatedRobot(Protocol):
     def fault(self, name: str, value: float | None) -> None:
         """Start a fault, or end it (None); raises ValueError for an unknown fault."""
 
-    def look(self) -> dict[str, float]:
+    def true_state(self) -> dict[str, float]:
         """Return the true position and state."""
 
     def close(self) -> None:
@@ -100,7 +100,7 @@ class SimServer(ABC, Generic[SpecT, RobotT]):
             self._robot(request.fault).fault(request.fault.name, request.fault.value)
             return {}
         if request.look is not None:
-            return {**self._robot(request.look).look()}
+            return {**self._robot(request.look).true_state()}
         if request.remove is not None:
             self._robot(request.remove).close()
             del self.robots[request.remove.url]
@@ -137,7 +137,7 @@ class SimServer(ABC, Generic[SpecT, RobotT]):
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, ended.set)
         for url in self.robots:
-            _tell(msgspec.json.encode({"url": url}) + b"\n")
+            _write_line(msgspec.json.encode({"url": url}) + b"\n")
         tasks = [loop.create_task(self.run()), loop.create_task(ended.wait())]
         if obeys:
             tasks.append(loop.create_task(self._obey_stdin()))
@@ -158,12 +158,12 @@ class SimServer(ABC, Generic[SpecT, RobotT]):
         transport, _ = await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
         try:
             while line := await reader.readline():
-                _tell(await self.answer(line))
+                _write_line(await self.answer(line))
         finally:
             transport.close()
 
 
-def _tell(line: bytes) -> None:
+def _write_line(line: bytes) -> None:
     """Write one line to stdout."""
     sys.stdout.buffer.write(line)
     sys.stdout.buffer.flush()

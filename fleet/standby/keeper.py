@@ -85,7 +85,7 @@ class LeaseKeeper:
     def _do(self, call: Callable[[], None]) -> None:
         """Run a call that may change the state, and report a change."""
         call()
-        self._tell()
+        self._report()
 
     def _serve(self) -> None:
         """Body of the thread."""
@@ -114,7 +114,7 @@ class LeaseKeeper:
         """Check the clock, and begin the next request to the store; one request at a time."""
         now = self._clock()
         self.lease.tick(now)
-        self._tell()
+        self._report()
         if self._requesting is not None and not self._requesting.done():
             return
         action = self.lease.next_write(now, stops_changed=self._user.stops() != self._stops)
@@ -138,7 +138,7 @@ class LeaseKeeper:
             return
         self.problem = ""
         self.lease.observe(entry, revision, self._clock())
-        self._tell()
+        self._report()
         if self.lease.state is not LeaseState.HOLDER:
             self._user.saw(entry)
 
@@ -161,7 +161,7 @@ class LeaseKeeper:
         self._stops = stops
         if self.lease.state is LeaseState.HOLDER:
             self._user.permit_writes(self.lease.epoch, self.lease.writes_until)
-        self._tell()
+        self._report()
 
     def _silent(self, error: Exception) -> None:
         """Record why the store cannot be used."""
@@ -170,7 +170,7 @@ class LeaseKeeper:
             log.warning("%s: no edge of the pair takes over while it is so", text)
         self.problem = text
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         """Report a new state, once."""
         if self.lease.state is not self._state:
             self._state = self.lease.state

@@ -56,7 +56,7 @@ class Px4Failsafes:
         self._then = None
         return True
 
-    def _tell(self, event: EventMessage) -> None:
+    def _send_event(self, event: EventMessage) -> None:
         """Send an event, with its sequence number."""
         self._events = (self._events + 1) & 0xFFFF
         event.sequence = self._events
@@ -68,7 +68,7 @@ class Px4Failsafes:
         pilot.failsafe = why
         pilot.say(CRITICAL, "Failsafe activated")
         seconds = int(pilot.params["COM_FAIL_ACT_T"]) if then else None
-        self._tell(failsafe_event(then or mode, cause or why, seconds=seconds))
+        self._send_event(failsafe_event(then or mode, cause or why, seconds=seconds))
         pilot.enter(MODES[mode] if not MODES[mode].position or pilot.has_position else MODES["LAND"])
         self._then = (pilot.time + pilot.params["COM_FAIL_ACT_T"], MODES[then]) if then else None
         self._cause = cause or why
@@ -78,7 +78,7 @@ class Px4Failsafes:
         if self._then is not None and self._pilot.time >= self._then[0]:
             _, mode = self._then
             self._then = None
-            self._tell(failsafe_event(mode.name, self._cause))
+            self._send_event(failsafe_event(mode.name, self._cause))
             self._pilot.enter(mode)
 
     def _watch_offboard(self) -> None:

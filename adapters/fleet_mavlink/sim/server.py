@@ -76,7 +76,7 @@ class Station(asyncio.DatagramProtocol):
         """Activate a fault, or clear it; raises ValueError."""
         self.wire.vehicle.set_fault(name, value)
 
-    def look(self) -> dict[str, float]:
+    def true_state(self) -> dict[str, float]:
         """Return the true position of the vehicle, m east, north and up of its start."""
         body = self.wire.vehicle.body
         return {"x": body.east, "y": body.north, "z": body.height}

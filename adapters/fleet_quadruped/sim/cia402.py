@@ -127,7 +127,7 @@ class SimDrive:
     def control(self, dt: float) -> None:
         """Set the motor for the next ``dt`` seconds; serve watchdog and heartbeat."""
         if self._time >= self._look_at or self.sdo.changed:
-            self._look()
+            self._poll()
         left = self._move_began + self._config.cycle - self._time  # s of interpolation
         self._time += dt
         motor = self.motor
@@ -147,7 +147,7 @@ class SimDrive:
         motor.kp, motor.kd, motor.feed = STIFF, DAMPING, self._feed
         motor.target, motor.target_speed, motor.slope = target, slope, slope
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         """Serve watchdog and heartbeat, and apply a changed configuration."""
         if self.sdo.changed:
             self.sdo.changed = False

@@ -130,10 +130,10 @@ class SimWalker:
         self._move(dt)
         if sense and self._wire.node is None and self.time >= self._next_state - 1e-9:
             self._next_state = max(self._next_state + self.walker.dt, self.time)
-            self._tell(self._wire.state)
+            self._send(self._wire.state)
             if self.time >= self._next_slow:
                 self._next_slow = self.time + _SLOW
-                self._tell(self._wire.slow)
+                self._send(self._wire.slow)
         for frame in self._wires.from_dog(self.walker.bus, (), self.time):
             self._heard(frame)
 
@@ -202,7 +202,7 @@ class SimWalker:
             yaw + turn * dt,
         )
 
-    def _tell(self, frames: tuple[FrameMap, ...]) -> None:
+    def _send(self, frames: tuple[FrameMap, ...]) -> None:
         values = self._values()
         for frame in frames:
             data, integrity = encode(frame, values), self._integrity.get(frame.id)
@@ -266,9 +266,9 @@ class SimWalker:
         objects, node = self.walker.objects, self._wire.node
         if frame.id == SYNC and self._runs():
             self._syncs += 1
-            self._tell(self._wire.state)
+            self._send(self._wire.state)
             if self._syncs % 10 == 0:
-                self._tell(self._wire.slow)
+                self._send(self._wire.slow)
         elif frame.id == 0x000 and len(frame.data) == 2 and frame.data[1] in {0, node}:
             started = frame.data[0] == 1 and self._is_mapped()
             self._nmt = OPERATIONAL if started else _PRE_OPERATIONAL

@@ -64,7 +64,7 @@ class SimPort:
         else:
             self.board.set_fault(name, value)
 
-    def look(self) -> dict[str, float]:
+    def true_state(self) -> dict[str, float]:
         """Return the true pose of the base (m, rad) and the speeds of its sides (m/s)."""
         physics = self.board.physics
         left, right = physics.speeds

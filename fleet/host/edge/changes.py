@@ -221,7 +221,7 @@ class ConfigurationChanges:
             done += ends
             if after is not self._running:
                 self._running = after
-                self._tell()
+                self._publish()
         missing = sorted(_names_of(new) ^ _names_of(self._running))
         done += await self._apply_sections(sections, new, missing)
         for change in done:
@@ -245,7 +245,7 @@ class ConfigurationChanges:
             return ended(change, Outcome.FAILED, trouble)
         running = self._running
         self._running = with_robot(running, new, name) if added else without_robot(running, name)
-        self._tell()
+        self._publish()
         return ended(change, Outcome.DONE)
 
     async def _apply_sections(self, changes: list[Change], new: Loaded, missing: list[str]) -> list[Change]:
@@ -265,7 +265,7 @@ class ConfigurationChanges:
             self._wider = {} if regroups else self._wider
             missions = new.missions if "missions" in taken else self._running.missions
             self._running = msgspec.structs.replace(self._running, config=config, missions=missions)
-            self._tell()
+            self._publish()
         if regroups:
             self._workers.all_run_with(self._running)
         return [ended(change, Outcome.DONE) for change in changes]
@@ -322,9 +322,9 @@ class ConfigurationChanges:
     def _runs_with(self, configs: Mapping[str, AdapterConfig], given: Mapping[str, str]) -> None:
         """Record changed configurations as running."""
         self._running = with_configs(self._running, configs, given)
-        self._tell()
+        self._publish()
 
-    def _tell(self) -> None:
+    def _publish(self) -> None:
         """Pass on the running configuration."""
         for configured in self._configured:
             configured(self._running)

@@ -201,7 +201,7 @@ class Missions:
 
     def stopped(self, names: tuple[str, ...], cause: StopCause) -> None:
         """Pass an emergency stop to the runs; from any thread."""
-        self._soon(partial(self.runs.stopped, names, cause.why))
+        self._soon(partial(self.runs.stopped, names, cause.sentence))
 
     def _hear_events(self) -> None:
         """Pass on events and reports of robots: from their hosts and from programs on the bus."""

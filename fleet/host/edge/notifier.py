@@ -166,9 +166,9 @@ class NoticeTarget:
             self._something.wait()
             self._something.clear()
             while self._waiting:
-                self._tell(*self._waiting.popleft())
+                self._send_notice(*self._waiting.popleft())
 
-    def _tell(self, robot: str, event: EventReport) -> None:
+    def _send_notice(self, robot: str, event: EventReport) -> None:
         """Send one notice, with a few retries."""
         left_out, self._left_out = self._left_out, 0
         body = notice(self._edge, robot, event, left_out)

@@ -42,7 +42,7 @@ class PairStops:
         Causes are shortened: those of a thousand robots must fit into the lease.
         """
         stopped = {name: each.controller.latch for name, each in list(self._robots.items()) if _is_set(each)}
-        return {name: latch.why[:LONGEST_CAUSE] for name, latch in stopped.items()}
+        return {name: latch.cause[:LONGEST_CAUSE] for name, latch in stopped.items()}
 
     def take_over(self, entry: LeaseEntry | None) -> None:
         """Set the stops that were set when the lease was taken; all, if unknown. No robot runs yet."""

@@ -68,10 +68,10 @@ class RunResults:
 
     def answer(self, question: Query, key: str, run: str) -> None:
         """Answer with the results of a run; without a reply for a run of another edge."""
-        self._results.of(run, partial(_tell, question, key))
+        self._results.of(run, partial(_answer, question, key))
 
 
-def _tell(question: Query, key: str, found: list[RunFile]) -> None:
+def _answer(question: Query, key: str, found: list[RunFile]) -> None:
     """Answer a query for results."""
     if found:
         question.reply(msgspec.json.encode(found), key)

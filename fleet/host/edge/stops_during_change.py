@@ -30,7 +30,7 @@ class StopsDuringChange:
     def engage(self, robot: LocalRobot) -> None:
         """Set the recorded stops of a robot."""
         for cause in self._of(robot.name):
-            robot.controller.latch.engage(cause.why)
+            robot.controller.latch.engage(cause.sentence)
         robot.controller.latch.record()
 
     def pass_on(self, robot: RemoteRobot) -> None:

@@ -131,7 +131,7 @@ class LegFollower:
         self._advance(pose)
         if self._is_near(pose):
             return self._enter(FollowPhase.ALIGN, now)
-        target, left = self._path.aim(self._travelled, self._look()), self._left(pose)
+        target, left = self._path.aim(self._travelled, self._look_ahead()), self._left(pose)
         if self._holonomic:
             yaw = pose.rotation.yaw if self._leg.yaw is None else self._leg.yaw
             return holonomic_velocity(pose, target, left, yaw, self._pace)
@@ -204,13 +204,15 @@ class LegFollower:
 
     def _error(self, pose: Pose) -> float:
         """Return the angle between the robot's heading and the path."""
-        return bearing(pose, self._path.aim(self._travelled, self._look()), backwards=self._leg.backwards)
+        return bearing(
+            pose, self._path.aim(self._travelled, self._look_ahead()), backwards=self._leg.backwards
+        )
 
     def _heading_error(self, pose: Pose) -> float:
         """Return the angle to the goal's heading; 0 when any heading is accepted."""
         return 0.0 if self._leg.yaw is None else wrap_angle(self._leg.yaw - pose.rotation.yaw)
 
-    def _look(self) -> float:
+    def _look_ahead(self) -> float:
         """Return the look-ahead distance."""
         return min(max(LOOK_TIME * self._requested.linear.horizontal(), LOOK_SHORTEST), LOOK_LONGEST)
 

@@ -104,7 +104,7 @@ class CommonStarts:
         )
         control.answer(keys.starts(edge), self._requested)
         control.watch_tokens(keys.starting(edge, "*"), self._token)
-        self._process.scheduler.every(POLL_INTERVAL, self._look)
+        self._process.scheduler.every(POLL_INTERVAL, self._drop_stale)
 
     # -- the bus's threads -----------------------------------------------------------------------------
 
@@ -273,7 +273,7 @@ class CommonStarts:
         self._drop(one, why)
         self._drop_all(lambda other: other.start == one.start, f"not without the others: {name}: {why}")
 
-    def _look(self) -> None:
+    def _drop_stale(self) -> None:
         """Drop preparations that wait too long, and those of robots that are lost or stopped."""
         now = self._clock.monotonic()
         for one in list(self._prepared.values()):

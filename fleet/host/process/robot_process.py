@@ -255,7 +255,7 @@ class RobotProcess:
             log.exception("a stop was not noted for the robots that join; those that run are stopped")
         stopped = [robot for robot in list(self.robots.values()) if not names or robot.name in names]
         for robot in stopped:
-            robot.controller.latch.engage(cause.why)
+            robot.controller.latch.engage(cause.sentence)
         # A halt that blocks must not keep the next robot moving.
         call_sequentially(
             (partial(robot.controller.halt, emergency=True) for robot in stopped), wait=HALT_WAIT

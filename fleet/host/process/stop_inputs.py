@@ -241,16 +241,16 @@ class StopInputs:
     @property
     def held(self) -> bytes:
         """Message to the workers: which of their robots are held, and why."""
-        why = {robot: self._why(robot) for robot in list(self._remote)}
+        why = {robot: self._hold_reason(robot) for robot in list(self._remote)}
         return msgspec.json.encode({robot: words for robot, words in why.items() if words})
 
     def _hold_all(self) -> None:
         """Hold or free the robots of this process, by the present state of all inputs."""
         with self._holding:
             for robot, latch in list(self._here.items()):
-                latch.held = self._why(robot)
+                latch.held = self._hold_reason(robot)
 
-    def _why(self, robot: str) -> str:
+    def _hold_reason(self, robot: str) -> str:
         """Return why a robot cannot be released; empty when it can."""
         held = (one.trouble for one, names in self._inputs if not names or robot in names)
         return "; ".join(filter(None, held))

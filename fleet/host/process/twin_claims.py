@@ -108,7 +108,7 @@ class TwinClaims:
         """Subscribe to tokens, and claim free twins."""
         self._bus_session.watch_tokens(keys.claims(), self._seen)
         for twin in self._others:
-            self._look(twin)
+            self._update_claim(twin)
 
     def begin(self, twin: str) -> None:
         """Claim one more twin, after ``start``."""
@@ -116,7 +116,7 @@ class TwinClaims:
             self._others[twin] = set()
             # Only a new subscriber receives the tokens that existed before.
             self._added[twin] = self._bus_session.watch_tokens(keys.claims(twin), self._seen)
-            self._look(twin)
+            self._update_claim(twin)
 
     def give_up(self, twin: str) -> None:
         """Stop claiming a twin."""
@@ -140,9 +140,9 @@ class TwinClaims:
         if twin not in self._others:  # it has just been given up
             return
         (self._others[twin].add if alive else self._others[twin].discard)(claim)
-        self._look(twin)
+        self._update_claim(twin)
 
-    def _look(self, twin: str) -> None:
+    def _update_claim(self, twin: str) -> None:
         """Request a twin, give it up, or wait for it, according to the present tokens."""
         if twin not in self._others:  # it has been given up
             return
@@ -157,9 +157,9 @@ class TwinClaims:
             del self._mine[twin]
             mine.take_back()
             # The edge that had precedence may only have requested it, and be gone since.
-            self._loop.call_soon(self._look, twin)
+            self._loop.call_soon(self._update_claim, twin)
         if before:
-            self._tell(twin, before)
+            self._report_holder(twin, before)
 
     def _look_later(self, twin: str) -> None:
         """Check again soon; at most one such check is pending."""
@@ -169,14 +169,14 @@ class TwinClaims:
 
     def _look_again(self, twin: str) -> None:
         self._looking.discard(twin)
-        self._look(twin)
+        self._update_claim(twin)
 
     def _want(self, twin: str) -> None:
         """Request a twin, and claim it if no other edge objects within the settling time."""
         claim = TwinClaim(int(self._clock.time() * 1000), self._edge)
         if not self._settle:
             self._hold(twin, claim)  # without a request before: Zenoh does not give its memory back
-            self._tell(twin, "")
+            self._report_holder(twin, "")
             return
         self._mine[twin] = _Mine(claim, self._bus_session.token(keys.claim(self._edge, twin, claim.began)))
         self._loop.call_later(self._settle, self._have, twin, claim)
@@ -188,14 +188,14 @@ class TwinClaims:
             return
         self._hold(twin, claim)
         mine.take_back()
-        self._tell(twin, "")
+        self._report_holder(twin, "")
 
     def _hold(self, twin: str, claim: TwinClaim) -> None:
         """Show that this edge has a twin."""
         has = self._bus_session.token(keys.claim(self._edge, twin, claim.began, held=True))
         self._mine[twin] = _Mine(msgspec.structs.replace(claim, held=True), has)
 
-    def _tell(self, twin: str, who: str) -> None:
+    def _report_holder(self, twin: str, who: str) -> None:
         """Report the holder of a twin if it changed."""
         if self._reported.get(twin) != who:
             self._reported[twin] = who

@@ -101,10 +101,12 @@ class BusSenders:
         why = sender.permission.refusal(needed) if sender is not None else ""
         if sender is not None and why:
             name = sender.person or claimed or f"an unknown sender at {sender.identity}"
-            self._tell(Requester(Transport.BUS, name, proven=sender.proven), f"{what} refused: {why}", robot)
+            self._log_refusal(
+                Requester(Transport.BUS, name, proven=sender.proven), f"{what} refused: {why}", robot
+            )
         return why
 
-    def _tell(self, sender: Requester, text: str, robot: str) -> None:
+    def _log_refusal(self, sender: Requester, text: str, robot: str) -> None:
         """Write a refusal into log and history, at a limited rate."""
         self._refused.add(robot, "%s%s (%s)", f"{robot}: " if robot else "", text, sender.name)
         now = self._clock.monotonic()

@@ -93,7 +93,7 @@ class Receipt:
         """Send the receipt, once."""
         if self.first is None:
             self.first = reply
-            self._tell(reply)
+            self._notify(reply)
             self._send(reply)
 
     def _end(self, reply: Reply) -> None:
@@ -107,7 +107,7 @@ class Receipt:
         if self.first is None:
             self._receive(reply)
         else:
-            self._tell(reply)
+            self._notify(reply)
             if self._waits and self.first.ok:
                 self._send(reply)
         self._answer, self._watchers = _discard, []
@@ -119,7 +119,7 @@ class Receipt:
         except Exception:
             log.exception("the answer to %s could not be given", self.command)
 
-    def _tell(self, reply: Reply) -> None:
+    def _notify(self, reply: Reply) -> None:
         """Call the watchers; the failure of one keeps neither the others nor the answer back."""
         for seen in self._watchers:
             try:

@@ -33,7 +33,7 @@ class StopCause(msgspec.Struct, frozen=True):
     request: str = ""
 
     @property
-    def why(self) -> str:
+    def sentence(self) -> str:
         """Sentence for people, shown with the robot until the release."""
         if not self.asker.name and self.reason:
             return self.reason

@@ -237,7 +237,7 @@ class RobotController:
             self.motion.stand(request.name, receipt)
         self.last.follow(request.name, receipt)
         if request.name == EMERGENCY and self.latch.is_first_report():  # last: logging may block
-            self.event_reporter.emergency_stop(request, self.latch.why)
+            self.event_reporter.emergency_stop(request, self.latch.cause)
 
     def _stop_again(self) -> None:
         """Repeat an emergency stop that was requested while the robot could not be reached."""

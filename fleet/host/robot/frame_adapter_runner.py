@@ -182,7 +182,7 @@ class _OpenLink:
         """Start the periodic calls, and process the data received while the link was being opened."""
         inner = self._inner
         self._heard = self._robot.clock.monotonic()  # opening the link may have taken long
-        self._robot.every(POLL_INTERVAL, motion.look)
+        self._robot.every(POLL_INTERVAL, motion.poll)
         self._robot.every(inner.tick_every, self._tick)
         if inner.silence > 0:
             self._robot.every(inner.silence / 4, self._listen)

@@ -243,7 +243,7 @@ class LocalRobot:
             position=self._seen.position,
             activity=self.controller.activity,
             emergency_stop=self.controller.latched,
-            stop_cause=self.controller.latch.why,
+            stop_cause=self.controller.latch.cause,
             last_command=self.controller.last.command,
             last_outcome=self.controller.last.outcome,
             senders=self.controller.senders(),

@@ -107,7 +107,7 @@ class MotionGuard:
             self._battery.observe(self._percent)
         if self.apart is not None:
             self.apart.configure(config, limits)
-        self._look()
+        self._check_fence()
 
     # -- reports of the robot ------------------------------------------------------------------------
 
@@ -119,7 +119,7 @@ class MotionGuard:
                 self._place.observe(pose)
                 if self.apart is not None:
                     self.apart.observe(pose)
-                self._look()
+                self._check_fence()
             case BatteryReport():
                 self._charged(report.percent)
             case FlightControllerReport():
@@ -171,7 +171,7 @@ class MotionGuard:
         if reply.command in LANDINGS and self.apart is not None:
             self.apart.comes_down(self._place.descent_points(reply.command) if begins else ())
 
-    def _look(self) -> None:
+    def _check_fence(self) -> None:
         """Report a fence breach once, and end motion that leads out of the fence."""
         if self.fencing.check():
             trouble = f"it is {self.fencing.trouble}"

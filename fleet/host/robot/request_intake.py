@@ -159,7 +159,7 @@ class RequestIntake:
         requester = cause.asker
         request = Command(
             EMERGENCY,
-            origin=Origin(requester.transport, session=requester.name or cause.why),
+            origin=Origin(requester.transport, session=requester.name or cause.sentence),
             id=cause.request,
         )
         receipt = Receipt(EMERGENCY, lambda _: None)
@@ -180,7 +180,7 @@ class RequestIntake:
     def _stop_at_once(self, origin: Origin, request: str) -> None:
         """Latch the stop and halt the robot, on any thread; if that fails, the loop still stops the robot."""
         try:
-            self._controller.emergency(StopCause(requester_of(origin)).why)
+            self._controller.emergency(StopCause(requester_of(origin)).sentence)
         except Exception:  # noqa: BLE001 - logged: the stop that follows on the loop does not depend on it
             self._log.exception("the emergency stop did not go through at once")
         self._recorder.emergency(origin, request)

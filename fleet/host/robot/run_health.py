@@ -34,7 +34,7 @@ class RunHealth:
         """Set the health; report it if it changed."""
         if health != self.now:
             self.now = health
-            self._tell()
+            self._log_health()
             self._changed()
 
     def begin_start(self) -> None:
@@ -50,9 +50,9 @@ class RunHealth:
     def _start_is_over(self) -> None:
         """End a start that takes too long; a remaining problem is reported."""
         self._start = None
-        self._tell()
+        self._log_health()
 
-    def _tell(self) -> None:
+    def _log_health(self) -> None:
         """Log the health: a new level from degraded up as a warning, everything else as information."""
         level, cause = self.now.level, self.now.cause
         is_new = level is not self._reported and self._start is None

@@ -34,7 +34,7 @@ class EmergencyStopLatch:
         return bool(self._why)
 
     @property
-    def why(self) -> str:
+    def cause(self) -> str:
         """Cause of the stop; empty while it is not set."""
         return self._why
 

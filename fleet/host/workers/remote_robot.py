@@ -111,7 +111,7 @@ class RemoteRobot:
     @property
     def unconfirmed_stop(self) -> str:
         """Cause of a stop that its worker has not confirmed; else empty."""
-        return self._unheard.why if self._unheard is not None else ""
+        return self._unheard.sentence if self._unheard is not None else ""
 
     def emergency(self, cause: StopCause) -> None:
         """Stop and latch; from any thread. A blocked bus does not delay other stops that are read here."""

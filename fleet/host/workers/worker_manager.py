@@ -112,21 +112,21 @@ class WorkerManager:
                 start_new_session=True,
             )
         except OSError as error:
-            return self._tell(f"cannot be started: {error.strerror}")
+            return self._report(f"cannot be started: {error.strerror}")
         assert process.stdin is not None
         self.given = self._task
         process.stdin.write(self.given)
         process.stdin.close()
         exited = asyncio.ensure_future(process.wait())
         try:
-            cause = self._tell(await self._watch(exited))
+            cause = self._report(await self._watch(exited))
             await self._give_up(process, exited)
         except asyncio.CancelledError:
             await self._end(process, exited)
             raise
         return cause
 
-    def _tell(self, cause: str) -> str:
+    def _report(self, cause: str) -> str:
         """Report a problem, and return it."""
         self._on_problem(self.name, f"worker {self.name}: {cause}")
         return cause

@@ -216,7 +216,7 @@ def test_a_battery_is_reported_on_request_once_it_is_known(told):
 
 def test_a_text_is_reported_with_the_wall_clocks_time(told):
     it = told()
-    it.reporter.said(Sentence("Crash detected", 2, 5.0))
+    it.reporter.report_text(Sentence("Crash detected", 2, 5.0))
     (report,) = it.reports
     assert isinstance(report, LogReport)
     assert (report.message, report.level, report.stamp) == ("Crash detected", "CRITICAL", it.clock.time())

@@ -106,33 +106,33 @@ def test_robots_are_watched_by_ps_and_sites_by_top(fleet, runtime):
 
 def test_what_an_edge_publishes_is_seen_at_once_and_garbage_is_reported(watch, play_edge):
     edge = play_edge("edge-b").publish_summary()
-    assert reaches(watch.look()) == {"edge-b": "up"}
+    assert reaches(watch.update()) == {"edge-b": "up"}
     edge.publish_summary(HUB, publish=True)
-    wait_until("the trouble is seen", lambda: watch.look()[0].summary.troubles == (HUB,))
+    wait_until("the trouble is seen", lambda: watch.update()[0].summary.troubles == (HUB,))
     edge.bus.control.put(keys.summary("edge-b"), b"garbage")
-    wait_until("the garbage is told", lambda: watch.look() and watch.problems)
+    wait_until("the garbage is told", lambda: watch.update() and watch.problems)
     assert watch.problems[0].startswith("edge edge-b: a summary that cannot be read")
-    assert watch.look()[0].summary.troubles == (HUB,), "the last good one counts"
+    assert watch.update()[0].summary.troubles == (HUB,), "the last good one counts"
 
 
 def test_edges_that_come_and_go_are_followed(watch, play_edge):
     play_edge("edge-a").publish_summary()
-    assert reaches(watch.look()) == {"edge-a": "up"}
+    assert reaches(watch.update()) == {"edge-a": "up"}
     going = play_edge("edge-b").publish_summary()
-    wait_until("it has come", lambda: reaches(watch.look()) == {"edge-a": "up", "edge-b": "up"})
+    wait_until("it has come", lambda: reaches(watch.update()) == {"edge-a": "up", "edge-b": "up"})
     going.bus.close()
-    wait_until("it is gone", lambda: reaches(watch.look()) == {"edge-a": "up", "edge-b": "gone"})
+    wait_until("it is gone", lambda: reaches(watch.update()) == {"edge-a": "up", "edge-b": "gone"})
     play_edge("edge-b").publish_summary()
-    wait_until("it is back", lambda: reaches(watch.look()) == {"edge-a": "up", "edge-b": "up"})
+    wait_until("it is back", lambda: reaches(watch.update()) == {"edge-a": "up", "edge-b": "up"})
 
 
 def test_an_edge_beyond_another_is_gone_when_its_token_ends(watch, play_edge, free_port):
     near = play_edge("near", listen=(f"tcp/127.0.0.1:{free_port}",)).publish_summary()
     far = play_edge("far", connect=(f"tcp/127.0.0.1:{free_port}",)).publish_summary()
     near.sees("far")
-    wait_until("both are there", lambda: reaches(watch.look()) == {"near": "up", "far": "up"})
+    wait_until("both are there", lambda: reaches(watch.update()) == {"near": "up", "far": "up"})
     far.bus.close()
-    wait_until("one is gone", lambda: reaches(watch.look()) == {"near": "up", "far": "gone"})
+    wait_until("one is gone", lambda: reaches(watch.update()) == {"near": "up", "far": "gone"})
 
 
 def test_who_is_cut_off_says_so_and_calls_no_edge_gone(fleet, place, play_edge, free_port):
@@ -140,9 +140,9 @@ def test_who_is_cut_off_says_so_and_calls_no_edge_gone(fleet, place, play_edge, 
     connect = f'{{connect: ["tcp/127.0.0.1:{free_port}"], insecure: local}}'
     (place / "view.yaml").write_text(f"edge: {{id: view}}\nbus: {connect}\n")
     with FleetWatch("view.yaml", SystemClock()) as watch:
-        assert reaches(watch.look()) == {"hub": "up"}
+        assert reaches(watch.update()) == {"hub": "up"}
         router.bus.close()
-        wait_until("it is cut off", lambda: reaches(watch.look()) == {"hub": "unseen"})
+        wait_until("it is cut off", lambda: reaches(watch.update()) == {"hub": "unseen"})
         assert "cannot join the bus" in watch.problems[0]
 
 

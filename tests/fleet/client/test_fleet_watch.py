@@ -92,7 +92,7 @@ def watch(bus, clock):
 
 
 def reaches(watch, clock):
-    return {edge.edge: edge.reach(clock.time()).value for edge in watch.look()}
+    return {edge.edge: edge.reach(clock.time()).value for edge in watch.update()}
 
 
 def test_edges_are_up_and_one_that_is_there_without_a_summary_is_silent(watch, clock):
@@ -105,13 +105,13 @@ def test_an_edge_that_was_seen_before_and_is_not_there_is_gone_since_then(bus, w
     SeenEdges(None).save([SeenEdge("attic", True, 5.0)])
     view = watch(Session("yard"))
     assert reaches(view, clock) == {"attic": "gone", "yard": "up"}
-    assert view.look()[0].changed == 5.0
+    assert view.update()[0].changed == 5.0
 
 
 def test_an_edge_is_gone_only_when_its_token_has_been_away_for_a_while(watch, clock):
     session = Session("yard", "barn")
     view = watch(session)
-    view.look()
+    view.update()
     session.goes("barn")
     session.comes("barn")
     clock.advance(2 * SURE_AFTER)
@@ -122,7 +122,7 @@ def test_an_edge_is_gone_only_when_its_token_has_been_away_for_a_while(watch, cl
     assert reaches(view, clock)["barn"] == "up"
     clock.advance(0.02)
     assert reaches(view, clock)["barn"] == "gone"
-    assert view.look()[0].changed == left
+    assert view.update()[0].changed == left
     session.comes("barn")
     assert reaches(view, clock)["barn"] == "up"
 
@@ -130,7 +130,7 @@ def test_an_edge_is_gone_only_when_its_token_has_been_away_for_a_while(watch, cl
 def test_an_edge_that_another_session_still_shows_is_not_gone(watch, clock):
     one, other = Session("yard", "barn"), Session("cell", "barn")
     view = watch(one, other)
-    view.look()
+    view.update()
     for session, reach in ((one, "up"), (other, "gone")):
         session.goes("barn")
         clock.advance(2 * SURE_AFTER)
@@ -141,15 +141,15 @@ def test_an_edge_that_another_session_still_shows_is_not_gone(watch, clock):
 def test_who_is_cut_off_sees_no_edge_go_but_those_of_this_computer(bus, watch, clock, file, here):
     session = Session("yard", "barn")
     view = watch(session, file=file)
-    view.look()
+    view.update()
     clock.advance(5.0)
-    view.look()
+    view.update()
     seen, session.is_reached, bus.sessions = clock.time(), False, ()
     clock.advance(10.0)
     assert reaches(view, clock) == {"barn": "unseen", "yard": here}
-    assert (view.look()[0].unseen, view.problems) == (seen, ["no edge is running here"])
+    assert (view.update()[0].unseen, view.problems) == (seen, ["no edge is running here"])
     bus.sessions = (Session("yard"),)
-    gone, up = view.look()
+    gone, up = view.update()
     assert (gone.alive, gone.changed, up.reach(clock.time())) == (False, seen, "up")
 
 
@@ -157,30 +157,30 @@ def test_who_is_cut_off_sees_no_edge_go_but_those_of_this_computer(bus, watch, c
 def test_it_joins_again_when_it_does_not_reach_all_edges_and_only_then(bus, watch, cause):
     session = Session("yard")
     view = watch(session)
-    assert view.look() == view.look()
+    assert view.update() == view.update()
     assert bus.joins == 1
     session.is_reached, bus.all_reached = cause != "the link is lost", cause == "the link is lost"
     bus.unreached = ["edge cell: it wants a password"]
-    view.look()
+    view.update()
     assert (bus.joins, view.problems) == (2, ["edge cell: it wants a password"])
 
 
 def test_garbage_is_reported_until_a_summary_is_good_and_the_last_good_one_counts(watch, clock, caplog):
     session = Session("yard")
     view = watch(session)
-    view.look()
+    view.update()
     session.say("yard", robots={"ok": 3})
     session.say("yard", b"garbage")
     session.say("yard", b"garbage")
-    (edge,) = view.look()
+    (edge,) = view.update()
     assert edge.summary.robots == {"ok": 3}
     assert view.problems[0].startswith("edge yard: a summary that cannot be read")
     assert len(caplog.records) == 1
     session.say("yard", robots={"ok": 4})
-    assert (view.look()[0].summary.robots, view.problems) == ({"ok": 4}, [])
+    assert (view.update()[0].summary.robots, view.problems) == ({"ok": 4}, [])
     for each in range(REFUSALS_SHOWN + 1):
         session.say(f"e{each}", b"garbage")
-    view.look()
+    view.update()
     assert len(view.problems) == REFUSALS_SHOWN
 
 
@@ -191,34 +191,34 @@ def test_more_edges_than_can_be_watched_are_reported_and_not_shown(watch, clock,
     assert list(reaches(view, clock)) == ["barn", "yard"]
     session.comes("attic")
     session.say("attic", b"garbage")
-    assert len(view.look()) == 2
+    assert len(view.update()) == 2
     assert view.problems == ["edge (others): more than 2 edges; the others are not shown"]
 
 
 def test_what_was_seen_is_kept_now_and_then_and_at_the_end(watch, clock):
     session = Session("yard")
     with watch(session) as view:
-        view.look()
+        view.update()
         session.comes("barn")
         clock.advance(KEEP_EVERY - 0.1)
-        view.look()
+        view.update()
         assert list(SeenEdges(None).read()) == ["yard"]
         clock.advance(0.2)
-        view.look()
+        view.update()
         assert sorted(SeenEdges(None).read()) == ["barn", "yard"]
         clock.advance(5.0)
-        view.look()
+        view.update()
     assert SeenEdges(None).read()["yard"].changed == clock.time()
 
 
 def test_an_edge_that_a_person_forgets_is_no_longer_shown_unless_it_is_alive(watch, clock):
     SeenEdges(None).save([SeenEdge("attic", False, 5.0)])
     view = watch(Session("yard"))
-    view.look()
+    view.update()
     for edge in ("attic", "yard"):
         SeenEdges(None).forget(edge)
     clock.advance(KEEP_EVERY)
-    view.look()
+    view.update()
     assert reaches(view, clock) == {"yard": "silent"}
     assert list(SeenEdges(None).read()) == ["yard"]
 

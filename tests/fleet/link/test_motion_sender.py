@@ -45,7 +45,7 @@ class Bench:
         self.said.clear()
         for _ in range(round(seconds / POLL_INTERVAL)):
             self.clock.advance(POLL_INTERVAL)
-            self.motion.look()
+            self.motion.poll()
         return list(self.said)
 
 

@@ -142,7 +142,7 @@ async def test_other_faults_are_those_of_the_board(port):
 async def test_the_truth_of_its_base_is_looked_at(port):
     physics = port.board.physics
     physics.x, physics.y, physics.yaw, physics.speeds = 1.0, -2.0, 0.5, [0.1, 0.2]
-    assert port.look() == {"x": 1.0, "y": -2.0, "yaw": 0.5, "left": 0.1, "right": 0.2}
+    assert port.true_state() == {"x": 1.0, "y": -2.0, "yaw": 0.5, "left": 0.1, "right": 0.2}
 
 
 async def test_a_closed_port_leaves_nothing(port):

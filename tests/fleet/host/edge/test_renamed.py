@@ -39,7 +39,7 @@ class Robot:
         self.stops.append("recorded")
 
     def stop_later(self, cause):
-        self.stops.append(cause.why)
+        self.stops.append(cause.sentence)
 
 
 def outline(**twins):

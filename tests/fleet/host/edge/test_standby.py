@@ -334,7 +334,7 @@ async def test_a_standby_sets_the_stops_of_the_holder(pair, entry, followed):
 
 async def test_the_stops_of_the_edge_before_are_set_before_the_robots_run(pair):
     stopped = []
-    pair.runs.resume_all = lambda _robots: stopped.append(pair.robot.controller.latch.why)
+    pair.runs.resume_all = lambda _robots: stopped.append(pair.robot.controller.latch.cause)
     await pair.hold(Takeover(msgspec.structs.replace(OTHER, stops={"rex": "fire"}), pair.clock.monotonic()))
     assert stopped == ["set at edge right: fire"]
 

@@ -19,7 +19,7 @@ def process():
 def stopped(meanwhile, name):
     latch = EmergencyStopLatch()
     meanwhile.engage(SimpleNamespace(name=name, controller=SimpleNamespace(latch=latch)))
-    return bool(latch.why)
+    return bool(latch.cause)
 
 
 @pytest.mark.parametrize(

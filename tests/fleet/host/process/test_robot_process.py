@@ -181,7 +181,7 @@ async def test_a_stop_is_noted_before_the_robots_are_looked_up(served):
             return super().values()
 
     process, _ = served
-    process.stop_requested = lambda names, cause: seen.append((names, cause.why))
+    process.stop_requested = lambda names, cause: seen.append((names, cause.sentence))
     process.robots = Robots(process.robots)
     process.stop_robots(("rex",), local_cause("", "test"))
     assert seen[:2] == [(("rex",), "test"), "looked up"]

@@ -378,7 +378,7 @@ def test_an_input_that_is_heard_does_not_free_a_robot_that_another_holds_at_the_
     inputs = StopInputs(configs, {}, {"rex": latch}, (), clock=ManualClock(), **nothing)
     left, right = (one for one, _ in inputs._inputs)
     right.trouble = ""
-    judged, go, why = threading.Event(), threading.Event(), inputs._why
+    judged, go, why = threading.Event(), threading.Event(), inputs._hold_reason
 
     def slowly(robot):
         found = why(robot)
@@ -387,7 +387,7 @@ def test_an_input_that_is_heard_does_not_free_a_robot_that_another_holds_at_the_
             assert go.wait(60)
         return found
 
-    inputs._why = slowly
+    inputs._hold_reason = slowly
     hearing = threading.Thread(target=left._heard)
     losing = threading.Thread(target=right._lost, args=("unplugged",))
     hearing.start()

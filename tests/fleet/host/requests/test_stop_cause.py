@@ -22,14 +22,14 @@ from fleet.supervisor.protocol import LONGEST_REASON
 def test_parameters_come_back_as_they_were_said():
     found = cause_in(parameters_of("anna", "smoke; é", "q1"))
     assert found == StopCause(Requester(Transport.BUS, "anna"), "smoke; é", "q1")
-    assert found.why == "asked by anna (claimed, over the bus): smoke; é"
+    assert found.sentence == "asked by anna (claimed, over the bus): smoke; é"
 
 
 def test_parameters_that_say_nothing_or_nonsense_are_the_stop_key():
     assert parameters_of("", "", "") == {}
     for said in ({}, {"by": "no hex"}, {"id": b"q1".hex()}):
         assert cause_in(said) is STOP_KEY_CAUSE
-    assert STOP_KEY_CAUSE.why == "the stop key"
+    assert STOP_KEY_CAUSE.sentence == "the stop key"
 
 
 def test_words_are_cut_and_made_safe_to_show():
@@ -40,7 +40,7 @@ def test_words_are_cut_and_made_safe_to_show():
 
 def test_a_note_comes_back_but_proves_nothing():
     said = local_cause("root", "a test", "q2")
-    assert said.why == "asked by root (proven, on this computer): a test"
+    assert said.sentence == "asked by root (proven, on this computer): a test"
     found = cause_noted(note_of(said))
     assert (found.asker.name, found.reason, found.request) == ("root", "a test", "q2")
     assert not found.asker.proven

@@ -36,7 +36,7 @@ def test_a_stop_that_comes_while_its_release_is_recorded_is_what_is_remembered()
 
     latch = EmergencyStopLatch("before", keep)
     latch.release()
-    assert (latch.why, kept) == ("somebody else", ["", "somebody else"])
+    assert (latch.cause, kept) == ("somebody else", ["", "somebody else"])
 
 
 def test_a_stop_is_news_once_and_one_of_an_earlier_process_is_none():

@@ -341,7 +341,7 @@ def test_a_stop_that_came_while_the_worker_was_frozen_is_set_in_the_next_one(ben
     bench.robot.stop_later(ANNA)
     bench.bus_session.token(keys.robot("yard", "rex"))
     assert bench.stopped() == [["rex"]]
-    assert bench.causes[0].why == "asked by anna (claimed, on this computer): smoke"
+    assert bench.causes[0].sentence == "asked by anna (claimed, on this computer): smoke"
 
 
 def test_a_stop_that_the_worker_has_reported_is_the_workers_to_release(bench):
@@ -367,14 +367,14 @@ def test_a_stop_says_to_the_worker_who_asked_for_it(bench):
     bench.robot.read("command", json.dumps(message).encode(), transport=Transport.CLOUD, request_id="q1")
     bench.stopped()
     (cause,) = bench.causes
-    assert cause.why == "asked by anna (claimed, tele, over the cloud)"
+    assert cause.sentence == "asked by anna (claimed, tele, over the cloud)"
     assert len(cause.request) == 32  # of the very message, as the worker reckons it
 
 
 def test_a_stop_of_the_edges_own_says_to_the_worker_why(bench):
     bench.robot.emergency(local_cause("", "stop input button: no heartbeat for 1 s"))
     bench.stopped()
-    assert [cause.why for cause in bench.causes] == ["stop input button: no heartbeat for 1 s"]
+    assert [cause.sentence for cause in bench.causes] == ["stop input button: no heartbeat for 1 s"]
 
 
 def test_what_was_released_stays_released(bench):

@@ -225,14 +225,14 @@ async def test_while_the_queue_is_full_only_the_newest_motion_waits_and_a_stop_o
     assert framed.superseded >= 40
     bus._bus.send = right
     bus._full_at = 0.0
-    framed._motion.look()
+    framed._motion.poll()
     message = other.recv(WITHIN)
     assert (message.arbitration_id, bytes(message.data)) == (0x111, (490).to_bytes(2, "big"))
     bus._full_at = bus._clock.monotonic() + WITHIN  # full for as long as this test takes
     framed.drive(speed(0.9))  # waits
     framed.halt()
     bus._full_at = 0.0
-    framed._motion.look()
+    framed._motion.poll()
     assert other.recv(WITHIN).arbitration_id == 0x112
     assert other.recv(0.05) is None
     run.cancel()
