@@ -27,7 +27,7 @@ from fleet.host.robot.outside_fence import (
     stays_in_place,
     vertical_motion,
 )
-from fleet.host.robot.robot_place import RobotPlace
+from fleet.host.robot.robot_place import POSITION_UNKNOWN, RobotPlace
 from fleet.host.robot.separation_keeper import SeparationKeeper
 from fleet.host.robot.whereabouts import Whereabouts
 from fleet.host.safety.circles import circling_radii
@@ -232,7 +232,7 @@ class MotionGuard:
             return ""
         pose = self._place.fresh()
         if pose is None:
-            return "the robot's position is unknown, so its separation cannot be kept"
+            return POSITION_UNKNOWN
         if rise is None:
             return ""
         return self.apart.task_trouble(RelativeMove(rise, body_frame=False), (pose.position + rise,))

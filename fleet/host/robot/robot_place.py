@@ -16,6 +16,11 @@ from fleet.robot_config import WorldOrigin
 from fleet.runtime.decoding import convert_strictly
 
 STALE = 1.0  # s after which a pose is too old for the fence
+POSITION_UNKNOWN = (
+    "the robot's position is unknown: its fence, battery and separation cannot be kept; "
+    "try again once it reports one"
+)
+"""Refusal of a task or a climb. An aircraft that starts up has no position yet."""
 
 
 class RobotPlace:
@@ -63,7 +68,7 @@ class RobotPlace:
         """Return start and points of a task; raises Refused while they are unknown."""
         pose = self.fresh()
         if pose is None:
-            raise Refused("the robot's position is unknown: its fence, battery and separation cannot be kept")
+            raise Refused(POSITION_UNKNOWN)
         match task:
             case GoTo():
                 return pose.position, (self._point(task.goal),)

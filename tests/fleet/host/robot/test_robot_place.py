@@ -32,7 +32,7 @@ def test_a_pose_that_is_too_old_counts_as_unknown(place, clock):
     clock.advance(STALE + 0.1)
     assert place.fresh() is None
     assert place.descent_points("land") == ()
-    with pytest.raises(Refused, match="the robot's position is unknown"):
+    with pytest.raises(Refused, match=r"the robot's position is unknown.*; try again once it reports one"):
         place.route(GoTo(Goal(Vector3())))
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from fleet.commands import command
 from fleet.host.robot.battery_watch import BATTERY
+from fleet.host.robot.robot_place import POSITION_UNKNOWN
 from fleet.model.command import Command
 from fleet.model.geometry import Velocity, rotate_to_world
 from fleet.model.navigation import Progress
@@ -208,7 +209,7 @@ def test_a_robot_that_does_not_tell_where_it_is_begins_only_where_it_has_nobody_
     starts = {name: DRONES[name] for name in ("drone-1", *others)}
     answers = in_field(starts, work)
     assert answers[0].ok is taken
-    assert taken or "the robot's position is unknown" in answers[0].reason
+    assert taken or answers[0].reason == POSITION_UNKNOWN
 
 
 def test_a_hundred_velocities_a_second_are_looked_at_ten_times_a_second():
