@@ -16,14 +16,14 @@ from typing import Self
 import click
 import msgspec
 
-from fleet.bus import keys
 from fleet.bus.bus import join_control
 from fleet.bus.settings import BusSettings, running_edges, runtime_dirs
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, with_output
-from fleet.client.edges import ANSWER_WITHIN, START, Edges, decoded
+from fleet.client.edges import START, Edges, decoded
 from fleet.client.local_user import local_user
+from fleet.client.stop_query import query_stop
 from fleet.errors import BusError, NotRunning
 from fleet.host.requests.stop_cause import parameters_of
 from fleet.supervisor.protocol import StopAnswer
@@ -69,13 +69,7 @@ class StopAttempt:
         """Join the bus, and send the stop at once."""
         try:
             self.bus_session = join_control(self.settings, self._directory)
-            answers = self.bus_session.request(
-                keys.stop("*"),
-                self._payload,
-                timeout=ANSWER_WITHIN,
-                parameters=self._parameters,
-                urgent=True,
-            )
+            answers = query_stop(self.bus_session, "*", self._payload, self._parameters)
             for key, names in decoded(answers, list[str]):
                 self.hit.update((key.split("/")[1], name) for name in names)
         except BusError as error:

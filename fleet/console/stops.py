@@ -19,6 +19,7 @@ import msgspec
 
 from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
+from fleet.client.stop_query import ANSWER_WITHIN, query_stop
 from fleet.clock import Clock
 from fleet.console.fleet_view import FleetView, id_of
 from fleet.host.requests.stop_cause import parameters_of
@@ -29,7 +30,6 @@ from fleet.wire.stop_outcome import DONE, OPEN, SEEN_WITHIN, stop_outcome
 
 log = logging.getLogger(__name__)
 
-ANSWER_WITHIN = 2.0  # s for an edge to confirm that the stop is set
 POLL_INTERVAL = 0.05  # s between polls of the progress
 THREADS = 64  # stops that may wait for answers at once; reserved for stops
 NO_ANSWER = "no confirmation that its stop is set"
@@ -143,10 +143,12 @@ class StopTracker:
         meant = target.robots or tuple(self._view.states)
         record = StopRecord(by, why, target, meant, self._clock.monotonic())
         self._view.update_stop(request, record.shown())
-        parameters = parameters_of(by, why, request)
+        parameters, joined = parameters_of(by, why, request), self._bus_sessions()
+        # Joined edges first: the others may keep threads waiting for an answer.
+        ordered = sorted(target.names_by_edge().items(), key=lambda asked: asked[0] not in joined)
         requested = [
             self._request_edge(record, bus_session, edge, names, parameters)
-            for edge, names in target.names_by_edge().items()
+            for edge, names in ordered
             for bus_session in self._sessions_to(edge)
         ]
         supervised = self._request_supervisors(record, target, why, request)
@@ -178,9 +180,7 @@ class StopTracker:
                 record.acknowledge(id_of(key.split("/")[1], name), self._clock.monotonic(), "bus")
 
         def request() -> None:
-            for key, data in bus_session.request(
-                keys.stop(edge), payload, timeout=ANSWER_WITHIN, parameters=parameters, urgent=True
-            ):
+            for key, data in query_stop(bus_session, edge, payload, parameters):
                 stopped = decode_json(data, list[str])
                 loop.call_soon_threadsafe(acknowledge, key, stopped)
 

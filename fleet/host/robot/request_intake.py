@@ -155,7 +155,8 @@ class RequestIntake:
         self._recorder.stopped(cause)
 
     def _follow_emergency(self, cause: StopCause) -> None:
-        """Have the adapter stop the robot."""
+        """Have the adapter stop the robot; a stop that was released meanwhile is set again."""
+        self._controller.latch.engage(cause.sentence)
         requester = cause.asker
         request = Command(
             EMERGENCY,

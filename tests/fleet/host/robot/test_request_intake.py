@@ -44,13 +44,13 @@ async def door(bench):
             payload = json.dumps({"source_type": "tele", "session_id": "anna", **payload}).encode()
         return intake.read(kind, payload, transport=transport, **more)
 
-    def take(request):
+    def submit(request):
         answers = []
         request(answers.append)
         return answers
 
     return SimpleNamespace(
-        intake=intake, read=read, take=take, published=published, recorded=recorded, changed=changed
+        intake=intake, read=read, submit=submit, published=published, recorded=recorded, changed=changed
     )
 
 
@@ -200,3 +200,14 @@ async def test_a_stop_that_came_by_no_message_is_followed_on_the_loop(door, benc
     assert [event.text for event in door.recorded if event.kind == "stop"] == [
         "emergency_stop asked: the stop key"
     ]
+
+
+async def test_a_stop_that_is_released_before_the_loop_follows_it_is_set_again_with_its_whole_cause(
+    door, bench, requests
+):
+    cause = StopCause(Requester(Transport.BUS, "anna"), "smoke", "r1")
+    bench.controller.emergency(cause.sentence)
+    bench.controller.latch.release()
+    door.intake.follow_emergency(cause)
+    await requests.settle()
+    assert bench.controller.latch.cause == "asked by anna (claimed, over the bus): smoke"
