@@ -18,12 +18,12 @@ import msgspec
 
 from fleet.bus.bus import join_control
 from fleet.bus.settings import BusSettings, running_edges, runtime_dirs
+from fleet.bus.stop_query import query_stop
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.client.edges import START, Edges, decoded
 from fleet.client.local_user import local_user
-from fleet.client.stop_query import query_stop
 from fleet.errors import BusError, NotRunning
 from fleet.host.requests.stop_cause import parameters_of
 from fleet.supervisor.protocol import StopAnswer

@@ -18,8 +18,8 @@ from typing import Any
 import msgspec
 
 from fleet.bus import keys
+from fleet.bus.stop_query import ANSWER_WITHIN, query_stop
 from fleet.bus.zenoh_session import ZenohSession
-from fleet.client.stop_query import ANSWER_WITHIN, query_stop
 from fleet.clock import Clock
 from fleet.console.fleet_view import FleetView, id_of
 from fleet.host.requests.stop_cause import parameters_of

@@ -4,11 +4,10 @@ import threading
 
 import pytest
 
-from fleet.bus import keys
+from fleet.bus import keys, stop_query
 from fleet.bus.bus import join_control, open_edge
 from fleet.bus.settings import BusSettings
-from fleet.client import stop_query
-from fleet.client.stop_query import query_stop
+from fleet.bus.stop_query import query_stop
 from tests.tools.waiting import DEADLINE
 
 
