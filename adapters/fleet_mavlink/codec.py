@@ -55,11 +55,11 @@ _WIRES: dict[int, Any] = {**dialect.mavlink_map, event_messages.Event.message_id
 _CRC_EXTRA = {number: bytes([kind.crc_extra]) for number, kind in _WIRES.items()}
 
 
-class Unread(MavlinkMessage, frozen=True):
+class UndecodedMessage(MavlinkMessage, frozen=True):
     """Placeholder for a message that is not decoded here."""
 
 
-UNREAD = Unread()
+UNREAD = UndecodedMessage()
 
 
 class Frame(msgspec.Struct, frozen=True):

@@ -18,7 +18,7 @@ _FASTEST = 200_000.0  # us, shortest interval between messages that a station ma
 _HERE = -1.0  # speed of DO_REPOSITION: the autopilot's default
 
 
-class Need(enum.Enum):
+class RequiredPermission(enum.Enum):
     """Permission that a message needs."""
 
     NOBODY_HEARS = "it is the station's own"  # handled by the edge, neither passed on nor refused
@@ -76,7 +76,7 @@ _NAV_LAND = 21
 _FTP_OPCODE = 3  # offset in the payload
 
 
-def need_of(message: Any, stops: Iterable[CommandLong] = ()) -> Need:
+def need_of(message: Any, stops: Iterable[CommandLong] = ()) -> RequiredPermission:
     """Return the permission for a message; ``stops``: commands that brake and hold this vehicle."""
     name = message.get_type()
     if name in {"COMMAND_LONG", "COMMAND_INT"}:
@@ -84,34 +84,42 @@ def need_of(message: Any, stops: Iterable[CommandLong] = ()) -> Need:
     if name == "SET_MODE":
         return _need_of_mode(message, stops)
     if name == "FILE_TRANSFER_PROTOCOL":
-        return Need.ANYBODY if message.payload[_FTP_OPCODE] in _READ_FILES else Need.OPERATOR
+        return (
+            RequiredPermission.ANYBODY
+            if message.payload[_FTP_OPCODE] in _READ_FILES
+            else RequiredPermission.OPERATOR
+        )
     if name in _PLANS:
         guided = name in _ITEMS and message.current == _GUIDED_ITEM
-        return Need.TAKES_OVER if guided or not getattr(message, "mission_type", 0) else Need.OPERATOR
+        return (
+            RequiredPermission.TAKES_OVER
+            if guided or not getattr(message, "mission_type", 0)
+            else RequiredPermission.OPERATOR
+        )
     for names, need in _TABLES:
         if name in names:
             return need
-    return Need.NOBODY
+    return RequiredPermission.NOBODY
 
 
 _TABLES = (
-    (_OWN, Need.NOBODY_HEARS),
-    (_READS, Need.ANYBODY),
-    (_CHANGES, Need.OPERATOR),
-    (_MOVES, Need.TAKES_OVER),
+    (_OWN, RequiredPermission.NOBODY_HEARS),
+    (_READS, RequiredPermission.ANYBODY),
+    (_CHANGES, RequiredPermission.OPERATOR),
+    (_MOVES, RequiredPermission.TAKES_OVER),
 )
 
 
-def _need_of_command(message: Any, stops: Iterable[CommandLong]) -> Need:
+def _need_of_command(message: Any, stops: Iterable[CommandLong]) -> RequiredPermission:
     """Return the permission for a COMMAND_LONG or COMMAND_INT."""
     command = message.command
     if command in _READ_COMMANDS:
-        return Need.ANYBODY
+        return RequiredPermission.ANYBODY
     if command == MavCmd.SET_MESSAGE_INTERVAL:
-        return Need.NOBODY if why_not_at_this_rate(message) else Need.ANYBODY
+        return RequiredPermission.NOBODY if why_not_at_this_rate(message) else RequiredPermission.ANYBODY
     if _is_stop(message, stops):
-        return Need.STOP
-    return Need.OPERATOR if command in _UNMOVING_COMMANDS else Need.TAKES_OVER
+        return RequiredPermission.STOP
+    return RequiredPermission.OPERATOR if command in _UNMOVING_COMMANDS else RequiredPermission.TAKES_OVER
 
 
 def why_not_at_this_rate(message: Any) -> str:
@@ -153,7 +161,7 @@ def _is_among(message: Any, commands: Iterable[CommandLong]) -> bool:
     return message.get_type() == "COMMAND_LONG" and given in among
 
 
-def _need_of_mode(message: Any, stops: Iterable[CommandLong]) -> Need:
+def _need_of_mode(message: Any, stops: Iterable[CommandLong]) -> RequiredPermission:
     """Return the permission for SET_MODE, whose mode is the number in a heartbeat.
 
     Without the flag of a custom mode the number has another meaning: ArduPilot's safety switch, or a base
@@ -161,7 +169,7 @@ def _need_of_mode(message: Any, stops: Iterable[CommandLong]) -> Need:
     """
     numbers = {_mode_number(stop) for stop in stops if stop.command == MavCmd.DO_SET_MODE}
     is_stop = bool(message.base_mode & int(CUSTOM_MODE)) and message.custom_mode in numbers
-    return Need.STOP if is_stop else Need.TAKES_OVER
+    return RequiredPermission.STOP if is_stop else RequiredPermission.TAKES_OVER
 
 
 def _mode_number(change: CommandLong) -> int:

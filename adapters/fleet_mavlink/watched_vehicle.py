@@ -20,13 +20,13 @@ from fleet_mavlink.notices import Notices
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.vehicle_kind import VehicleKind
 from fleet_mavlink.watch_answers import refusal, unchanged, words
-from fleet_mavlink.watch_rules import Need, arms, comes_down, need_of, why_not_at_this_rate
+from fleet_mavlink.watch_rules import RequiredPermission, arms, comes_down, need_of, why_not_at_this_rate
 from fleet_mavlink.watcher import Watcher
 from fleet_mavlink.watcher_config import WatcherConfig
 
 _OUR_LINK = 2  # signature link id of frames created here, which have time stamps of their own
-_FOR_OPERATORS = frozenset({Need.OPERATOR, Need.TAKES_OVER})
-_TAKES = frozenset({Need.STOP, Need.TAKES_OVER})
+_FOR_OPERATORS = frozenset({RequiredPermission.OPERATOR, RequiredPermission.TAKES_OVER})
+_TAKES = frozenset({RequiredPermission.STOP, RequiredPermission.TAKES_OVER})
 
 
 class WatchedVehicle:
@@ -69,7 +69,7 @@ class WatchedVehicle:
             self._notices.add("not MAVLink", f"{self._config.link}: {error}")
             return
         need = need_of(message, stops_of(self._vehicle))
-        if need is Need.NOBODY_HEARS:
+        if need is RequiredPermission.NOBODY_HEARS:
             return
         why = self._why_not(need, frame, message)
         if why:
@@ -79,10 +79,10 @@ class WatchedVehicle:
             self._give_up(need, message, f"ground station {frame.system}/{frame.component}")
         self._pass_on(frame.raw)
 
-    def _give_up(self, need: Need, message: Any, who: str) -> None:
+    def _give_up(self, need: RequiredPermission, message: Any, who: str) -> None:
         """Yield authority to a station that commands the vehicle, or arms it."""
         kind, state = self._vehicle.kind, self._vehicle.state
-        if need is Need.STOP:
+        if need is RequiredPermission.STOP:
             self._halt()  # this vehicle may not accept the station's own command
         if not isinstance(kind, Flavour):
             return
@@ -92,19 +92,19 @@ class WatchedVehicle:
             return
         self._authority.lose_to(who, kind.mode_of(state))
 
-    def _why_not(self, need: Need, frame: Frame, message: Any) -> str:
+    def _why_not(self, need: RequiredPermission, frame: Frame, message: Any) -> str:
         """Return why a message is refused, empty if it is permitted."""
         if (frame.system, frame.component) == (self._hub.system, self._hub.component):
             return "it has the ids of this edge (own_system, own_component)"
         signer = self._vehicle.trust.signer
         if signer is not None and not (frame.signed and signer.accepts(frame.signed)):
             return FALSE if frame.signed else UNSIGNED
-        if need is Need.NOBODY:
+        if need is RequiredPermission.NOBODY:
             return _why_nobody(message)
         if need not in _FOR_OPERATORS:
             return ""
         why = self._why_no_operator(frame)
-        if why or need is Need.OPERATOR or not self._stopped():
+        if why or need is RequiredPermission.OPERATOR or not self._stopped():
             return why
         return "" if comes_down(message, descent_commands_of(self._vehicle)) else "an emergency stop is set"
 

@@ -35,7 +35,7 @@ class ShownVehicle(Protocol):
         """Process a message of a station; must not raise."""
 
 
-class Allowance:
+class TokenBucket:
     """Token bucket: limits messages to a rate, with a burst."""
 
     def __init__(self, a_second: float, burst: float) -> None:
@@ -62,7 +62,7 @@ class Watcher:
         self._now = clock.monotonic
         self._notices = Notices(_LOG, clock.monotonic)
         self._parser = Parser()
-        self._allowance = Allowance(_A_SECOND, _BURST)
+        self._allowance = TokenBucket(_A_SECOND, _BURST)
         self._vehicles: dict[int, ShownVehicle] = {}
         self._waiting: deque[bytes] = deque()
         self._timer: asyncio.TimerHandle | None = None

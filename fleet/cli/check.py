@@ -82,11 +82,13 @@ def _moved_after(loaded: Loaded) -> dict[str, float | None]:
     """Return the seconds after which a standby moves each robot; None: only after an operator stops it."""
     if loaded.config.pair is None:
         return {}
-    from fleet.standby.bound import Bound  # noqa: PLC0415 - not needed without a pair
-    from fleet.standby.lease import Terms  # noqa: PLC0415
+    from fleet.standby.bound import MotionBound  # noqa: PLC0415 - not needed without a pair
+    from fleet.standby.lease import LeaseTimes  # noqa: PLC0415
 
-    bounds = {robot.name: Bound(robot.setpoint_lease, robot.failsafe_after) for robot, _ in loaded.robots}
-    return {name: bound.after(Terms().length) for name, bound in bounds.items()}
+    bounds = {
+        robot.name: MotionBound(robot.setpoint_lease, robot.failsafe_after) for robot, _ in loaded.robots
+    }
+    return {name: bound.after(LeaseTimes().length) for name, bound in bounds.items()}
 
 
 def _in_words(seconds: float | None) -> str:

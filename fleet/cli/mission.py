@@ -88,13 +88,13 @@ def check(out: Output, path: Path) -> ExitCode:
     Robots, groups, places and commands are not known here: missions in fleet.yaml are checked against them by
     fleet check, and any mission when it is started. Exit code 3 for an error.
     """
-    from fleet.config.missions import Known, read_mission  # noqa: PLC0415 - pydantic is slow to import
+    from fleet.config.missions import KnownNames, read_mission  # noqa: PLC0415 - pydantic is slow to import
     from fleet.config.problems import InvalidConfig  # noqa: PLC0415
 
     if path.suffix in PLAN_FILES:
         return _check_plan(out, path)
     try:
-        found = read_mission(path, os.environ, Known())
+        found = read_mission(path, os.environ, KnownNames())
     except InvalidConfig as error:
         problems = [msgspec.to_builtins(problem) for problem in error.problems]
         out.data({"ok": False, "file": str(path), "problems": problems})

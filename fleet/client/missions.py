@@ -159,9 +159,9 @@ def mission_named(what: str) -> tuple[str, dict[str, Any] | None]:
         return what, None
     name = "".join(each if each.isalnum() else "-" for each in path.stem.lower()) or "plan"
     if path.suffix in _YAML:
-        from fleet.config.missions import Known, read_mission  # noqa: PLC0415 - pydantic is slow to import
+        from fleet.config.missions import KnownNames, read_mission  # noqa: PLC0415 - pydantic is slow to import
 
-        return name, read_mission(path, os.environ, Known()).data
+        return name, read_mission(path, os.environ, KnownNames()).data
     return name, plan_mission(path)
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from fleet.config.missions import Known, events_of
+from fleet.config.missions import KnownNames, events_of
 
 
-def known_of(data: Mapping[str, Any]) -> Known:
+def known_of(data: Mapping[str, Any]) -> KnownNames:
     """Return the known names from the data of a fleet file, whatever other errors it has."""
     listed = data.get("robots")
     robots = [
@@ -24,7 +24,7 @@ def known_of(data: Mapping[str, Any]) -> Known:
     site = data.get("site")
     on_earth = isinstance(site, dict) and site.get("origin") is not None
     events = data.get("events")
-    return Known(
+    return KnownNames(
         names,
         list(places) if isinstance(places, dict) else [],
         on_earth=on_earth,

@@ -78,7 +78,7 @@ class Mission(msgspec.Struct, frozen=True):
             raise Refused(f"{self.name}: {' '.join(first[1:3])}") from None
 
 
-class Known(msgspec.Struct, frozen=True):
+class KnownNames(msgspec.Struct, frozen=True):
     """Names that a mission may use: robots and groups, places, missions. None if the fleet is unknown."""
 
     names: Collection[str] | None = None
@@ -93,7 +93,7 @@ def events_of(declared: Iterable[str]) -> list[str]:
     return [*(kind.value for kind in EventKind), *map(str, declared)]
 
 
-def read_mission(path: pathlib.Path, environ: Mapping[str, str], known: Known) -> Mission:
+def read_mission(path: pathlib.Path, environ: Mapping[str, str], known: KnownNames) -> Mission:
     """Return the mission of a file; raises InvalidConfig with every error."""
     document = read(path, environ)
     return _alone(checked_mission(path.stem, (), document, path.parent, known), document, known)
@@ -110,11 +110,11 @@ def mission_of(
     ``missions`` are the possible inner missions, ``events`` those that it may wait for.
     """
     document = read_data(data)
-    known = Known(missions=missions, events=events)
+    known = KnownNames(missions=missions, events=events)
     return _alone(checked_mission(name, (), document, None, known), document, known)
 
 
-def _alone(mission: Mission | None, document: Document, known: Known) -> Mission:
+def _alone(mission: Mission | None, document: Document, known: KnownNames) -> Mission:
     """Return a mission in a document of its own; raises InvalidConfig."""
     if mission is not None:
         others = known.missions or {}
@@ -144,7 +144,7 @@ def read_data(data: Any) -> Document:
 
 
 def check_missions(
-    data: Mapping[str, Any], document: Document, folder: pathlib.Path, known: Known
+    data: Mapping[str, Any], document: Document, folder: pathlib.Path, known: KnownNames
 ) -> list[Mission]:
     """Return the valid missions of a fleet file; the errors of all are reported."""
     listed = data.get("missions")
@@ -188,7 +188,7 @@ def _report_at(document: Document, path: YamlPath, message: str, hint: str = "")
 
 
 def checked_mission(
-    name: str, at: YamlPath, document: Document, folder: pathlib.Path | None, known: Known
+    name: str, at: YamlPath, document: Document, folder: pathlib.Path | None, known: KnownNames
 ) -> Mission | None:
     """Validate the mission at a path; None after reporting the errors.
 
@@ -213,7 +213,7 @@ class _MissionCheck:
     """Checks across the parts of one mission."""
 
     def __init__(
-        self, mission: MissionConfig, at: YamlPath, document: Document, known: Known, *, has_files: bool
+        self, mission: MissionConfig, at: YamlPath, document: Document, known: KnownNames, *, has_files: bool
     ) -> None:
         self._mission = mission
         self._at = at

@@ -39,9 +39,9 @@ from fleet.console.login import Login, LoginRefused
 from fleet.console.page_connection import Tab
 from fleet.console.passwords import LONGEST as LONGEST_PASSWORD
 from fleet.console.people import LONGEST_NAME
-from fleet.console.request_guard import FOXGLOVE, LONGEST_BODY, Guard, Served
+from fleet.console.request_guard import FOXGLOVE, LONGEST_BODY, AllowedHosts, Guard
 from fleet.console.requests import read_stop
-from fleet.console.sessions import BrowserSession, ConsoleUser, Opened, Sessions
+from fleet.console.sessions import BrowserSession, ConsoleUser, NewSession, Sessions
 from fleet.console.stops import StopTarget
 from fleet.errors import Refused, WireError
 from fleet.runtime.decoding import decode_json
@@ -77,7 +77,7 @@ def make_app(hub: Hub, sessions: Sessions) -> ASGIApp:
     return Guard(_App(hub, sessions, page_files()).routes())
 
 
-def make_login_app(hub: Hub, login: Login, served: Served) -> ASGIApp:
+def make_login_app(hub: Hub, login: Login, served: AllowedHosts) -> ASGIApp:
     """Return the console with login, as an ASGI application behind its guard."""
     return Guard(_App(hub, login.sessions, page_files(), login).routes(), served)
 
@@ -182,7 +182,7 @@ class _App:
             return answer
         return self._opened(opened)
 
-    def _opened(self, opened: Opened) -> Response:
+    def _opened(self, opened: NewSession) -> Response:
         """Return the response with a new session."""
         name = self._sessions.cookie
         operator = self._sessions.operator_of({name: opened.cookie}, opened.proof)

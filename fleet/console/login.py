@@ -16,7 +16,7 @@ from fleet.console.attempts import BY_ADDRESS, BY_NAME, Attempts, address_key
 from fleet.console.login_history import LoginHistory
 from fleet.console.passwords import verify_password
 from fleet.console.people import People, Person
-from fleet.console.sessions import BY_LOGIN, ConsoleUser, Opened, Sessions
+from fleet.console.sessions import BY_LOGIN, ConsoleUser, NewSession, Sessions
 
 MOST_WAITING = 8  # logins that wait for their verification; further ones must retry
 WRONG = "the name or the password is wrong"
@@ -45,7 +45,7 @@ class Login:
         self._verifying = asyncio.Lock()
         self._waiting = 0
 
-    async def log_in(self, name: str, password: str, address: str) -> Opened | LoginRefused:
+    async def log_in(self, name: str, password: str, address: str) -> NewSession | LoginRefused:
         """Return a new session for a name and its password, or the reason of a refusal."""
         if refused := self._must_wait(name, address):
             return refused
@@ -67,7 +67,7 @@ class Login:
             return None
         return LoginRefused(429, f"too many failed logins: try again in {wait} s", wait)
 
-    async def _verified(self, name: str, password: str, address: str) -> Opened | LoginRefused:
+    async def _verified(self, name: str, password: str, address: str) -> NewSession | LoginRefused:
         """Verify a password."""
         person = self._people.find(name)
         right = await asyncio.to_thread(verify_password, person.password if person else None, password)

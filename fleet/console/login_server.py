@@ -16,7 +16,7 @@ from fleet.console.links import ConsoleError
 from fleet.console.login import Login
 from fleet.console.login_history import LoginHistory
 from fleet.console.people import People
-from fleet.console.request_guard import Served
+from fleet.console.request_guard import AllowedHosts
 from fleet.console.server import Server, server_config
 from fleet.console.task import LoginTask
 from fleet.console.tls_listener import TlsListener, listen, tls_context
@@ -32,7 +32,9 @@ class LoginServer:
         self._history = LoginHistory(task.history, clock)
         context = tls_context(task.cert, task.key)
         names = task.hosts or _names_in(Path(task.cert))
-        served = Served(frozenset(_as_host(name) for name in names), f"this console is at {', '.join(names)}")
+        served = AllowedHosts(
+            frozenset(_as_host(name) for name in names), f"this console is at {', '.join(names)}"
+        )
         self._listener = listen(task.host, task.port)
         self.base = f"https://{_as_host(names[0])}:{self._listener.getsockname()[1]}"
         login = Login(self._people, self._history, clock)

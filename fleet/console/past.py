@@ -16,7 +16,7 @@ from fleet.errors import Refused
 from fleet.record.child import EXTRA, is_installed
 
 if TYPE_CHECKING:
-    from fleet.record.past import Past
+    from fleet.record.recorded_folder import RecordedFolder
 
 TRACK = 60.0  # s of a track before the moment
 TRACK_POINTS = 30
@@ -35,7 +35,7 @@ class RecordingReader:
     ) -> None:
         self._folders = folders
         self._spent = spent
-        self._known: dict[Path, Past] = {}
+        self._known: dict[Path, RecordedFolder] = {}
         self._reading = asyncio.Lock()
 
     async def extent(self) -> dict[str, float]:
@@ -83,12 +83,12 @@ class RecordingReader:
             past.find(window)
         return read_series(requested, window, self._spent)
 
-    def _open_recordings(self) -> list[Past]:
+    def _open_recordings(self) -> list[RecordedFolder]:
         """Return the existing folders of recordings; raises Refused without the extra."""
         if not is_installed():
             raise Refused(EXTRA)
-        from fleet.record.past import Past  # noqa: PLC0415 - its packages are an extra
+        from fleet.record.recorded_folder import RecordedFolder  # noqa: PLC0415 - its packages are an extra
 
         there = [folder for folder in self._folders() if folder.is_dir()]
-        self._known = {folder: self._known.get(folder) or Past(folder) for folder in there}
+        self._known = {folder: self._known.get(folder) or RecordedFolder(folder) for folder in there}
         return list(self._known.values())

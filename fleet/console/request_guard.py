@@ -22,7 +22,7 @@ FOXGLOVE = "/foxglove/"
 """Path prefix of the live view for Foxglove."""
 
 
-class Served(msgspec.Struct, frozen=True):
+class AllowedHosts(msgspec.Struct, frozen=True):
     """The valid host names of a server, and the advice for requests with others.
 
     ``viewers`` are the origins of Foxglove, which may only open the live view.
@@ -42,7 +42,7 @@ more rights than a browser does (electron/electron, its fuse grantFileProtocolEx
 Measured with Chromium 156: ``file://`` with --allow-file-access-from-files, the same right, and ``null``
 without. ``null`` is refused: any page can open a sandboxed frame that has it.
 """
-LOOPBACK = Served(
+LOOPBACK = AllowedHosts(
     HOSTS,
     "this console is reached by 127.0.0.1 or localhost; from elsewhere through a tunnel (ssh -L)",
     frozenset({"https://app.foxglove.dev", FOXGLOVE_DESKTOP}),
@@ -66,7 +66,9 @@ _ANSWERS = {
 }
 
 
-def refusal_of(method: str, headers: Headers, target: str, *, scheme: str, served: Served = LOOPBACK) -> str:
+def refusal_of(
+    method: str, headers: Headers, target: str, *, scheme: str, served: AllowedHosts = LOOPBACK
+) -> str:
     """Return why a request is refused, empty if it is not; ``method`` is WEBSOCKET for a handshake."""
     hosts = headers.getlist("host")
     if len(hosts) != 1 or _name_of(hosts[0]) not in served.hosts:
@@ -126,7 +128,7 @@ def _name_of(host: str) -> str:
 class Guard:
     """Passes permitted requests on to ``app``, and adds the headers to each response."""
 
-    def __init__(self, app: ASGIApp, served: Served = LOOPBACK) -> None:
+    def __init__(self, app: ASGIApp, served: AllowedHosts = LOOPBACK) -> None:
         self._app = app
         self._served = served
 

@@ -30,7 +30,7 @@ SeriesPoint = tuple[float, float]
 """Unix s, and the value."""
 
 
-class Thinned:
+class Downsampled:
     """The values of a number as at most ``most`` points: the least and greatest of each part of a window."""
 
     def __init__(self, since: float, until: float, most: int) -> None:
@@ -86,7 +86,7 @@ class _FoundNumbers:
     def __init__(self, requested: PageSeriesRequest) -> None:
         self._requested = requested
         self._series = {
-            name: Thinned(requested.since, requested.until, requested.points) for name in requested.names
+            name: Downsampled(requested.since, requested.until, requested.points) for name in requested.names
         }
         self._sources = {source_in(name) for name in requested.names}
         self._names: set[str] = set()

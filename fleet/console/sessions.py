@@ -36,7 +36,7 @@ class _LoginLink(msgspec.Struct, frozen=True):
     page: bytes = b""
 
 
-class Opened(msgspec.Struct, frozen=True):
+class NewSession(msgspec.Struct, frozen=True):
     """New session for a browser: the value of its cookie, and the proof that its page stores."""
 
     cookie: str
@@ -96,7 +96,7 @@ class Sessions:
         self._links[_digest(token)] = _LoginLink(operator, now + LINK_LIFE)
         return token
 
-    def open(self, token: str, page: str = "") -> Opened | None:
+    def open(self, token: str, page: str = "") -> NewSession | None:
         """Return a new session for a token, which is consumed; None for an invalid one.
 
         ``page`` is a random text of the requesting page. The same page may repeat the request within
@@ -112,7 +112,7 @@ class Sessions:
             self._links[key] = _LoginLink(link.operator, min(link.until, now + RETRY_LIFE), user)
         return self.begin(link.operator)
 
-    def begin(self, operator: ConsoleUser, holds: Callable[[], bool] = _always) -> Opened:
+    def begin(self, operator: ConsoleUser, holds: Callable[[], bool] = _always) -> NewSession:
         """Return a new session of an authenticated operator; it ends when ``holds`` returns False."""
         now = self._clock.monotonic()
         self._sessions = {key: each for key, each in self._sessions.items() if self._lasts(each, now)}
@@ -121,7 +121,7 @@ class Sessions:
             del self._sessions[key]
         while len(self._sessions) >= MOST_SESSIONS:
             self._sessions.pop(min(self._sessions, key=lambda key: self._sessions[key].until))
-        opened = Opened(secrets.token_urlsafe(_BYTES), secrets.token_urlsafe(_BYTES))
+        opened = NewSession(secrets.token_urlsafe(_BYTES), secrets.token_urlsafe(_BYTES))
         key, ends = _digest(opened.cookie), now + self._lifetimes.longest
         self._sessions[key] = BrowserSession(
             operator, key, _digest(opened.proof), now + self._lifetimes.idle, ends, holds

@@ -40,7 +40,7 @@ log = logging.getLogger(__name__)
 CONFIG, TLS = "fleet file", "tls"
 
 
-class Subject(msgspec.Struct, frozen=True):
+class ExaminedEdge(msgspec.Struct, frozen=True):
     """The examined edge: its fleet file, the sections, and the texts in its robots' data."""
 
     file: Path
@@ -73,7 +73,7 @@ def examine(
     return worst_first(findings)
 
 
-def _checks(subject: Subject, clocks: Clock) -> Iterator[tuple[str, Callable[[], Iterable[Finding]]]]:
+def _checks(subject: ExaminedEdge, clocks: Clock) -> Iterator[tuple[str, Callable[[], Iterable[Finding]]]]:
     """Yield the checks of a readable fleet file, each with its name."""
     config, who, cloud = subject.config, subject.who, subject.config.cloud
     yield disk.CHECK, lambda: [disk.check_disk(disk.read_disk(subject.state), _room(subject))]
@@ -135,7 +135,7 @@ def check_certificates(config: Sections, clocks: Clock) -> list[Finding]:
     return [ok(TLS, f"certificates are valid; {expiry.first_end}")] if files else []
 
 
-def subject_of(file: Path, environ: Mapping[str, str]) -> Subject:
+def subject_of(file: Path, environ: Mapping[str, str]) -> ExaminedEdge:
     """Read the inputs of the checks; raises ConfigError. No adapter is imported."""
     config = sections_of(file, environ)
     document = read(file, environ)
@@ -147,7 +147,7 @@ def subject_of(file: Path, environ: Mapping[str, str]) -> Subject:
     ]
     parts = [Path(name) for name in document.lines]
     secrets = file.parent / SECRETS
-    return Subject(
+    return ExaminedEdge(
         file,
         config,
         tuple(texts_in(here)),
@@ -175,19 +175,19 @@ def _account(config: Sections) -> access.Account:
         raise FleetError(f"there is no user {USER}: run fleet service install again") from None
 
 
-def _room(subject: Subject) -> int:
+def _room(subject: ExaminedEdge) -> int:
     """Return the bytes that the edge may still write within the limits of fleet.yaml."""
     edge = subject.config.edge
     bound = ((edge.spool.size + edge.history.size) << 20) + disk.LOGS
     return max(0, bound - disk.size_of(subject.state))
 
 
-def _holders(subject: Subject) -> dict[int, str]:
+def _holders(subject: ExaminedEdge) -> dict[int, str]:
     """Return the programs that have the devices open; while the edge runs, it is the edge itself."""
     return {} if subject.running else access.holders_of_devices()
 
 
-def _edges(subject: Subject | None) -> list[Finding]:
+def _edges(subject: ExaminedEdge | None) -> list[Finding]:
     """Check the edges of this computer, or those visible to the edge of the file."""
     file = str(subject.file) if subject is not None else None
     try:

@@ -39,7 +39,7 @@ class LeaseAnswer(msgspec.Struct, frozen=True, omit_defaults=True):
     site: tuple[float, float, float] | None = None
 
 
-class Lapsed(msgspec.Struct, frozen=True):
+class ExpiredLease(msgspec.Struct, frozen=True):
     """A robot whose lease has expired, with the action to execute."""
 
     run: str
@@ -65,11 +65,11 @@ class CoordinatorLeases:
         """Return the robots that an edge has in a run; none without a lease."""
         return frozenset(self._held[edge, run][1]) if (edge, run) in self._held else frozenset()
 
-    def lapsed(self, now: float) -> list[Lapsed]:
+    def lapsed(self, now: float) -> list[ExpiredLease]:
         """Remove expired leases; return their robots."""
         over = [key for key, (until, _) in self._held.items() if now >= until]
         return [
-            Lapsed(run, edge, robot, do)
+            ExpiredLease(run, edge, robot, do)
             for edge, run in over
             for robot, do in self._held.pop((edge, run))[1].items()
         ]

@@ -9,9 +9,9 @@ from fleet.missions.state import (
     NEXT,
     EmergencyStop,
     Ended,
-    Head,
     PartOutcome,
     Phase,
+    RunHead,
     RunOutcome,
     StepPart,
     UndoableStep,
@@ -24,7 +24,7 @@ ON_ABORT_WITHIN = 300.0  # s for the on_abort command; progress extends it
 class Ending:
     """Brings one run to its terminal state. Phases only go forward: see ``state.NEXT``."""
 
-    def __init__(self, program: Program, head: Head, robots: RunRobots) -> None:
+    def __init__(self, program: Program, head: RunHead, robots: RunRobots) -> None:
         self._program = program
         self._head = head
         self._robots = robots

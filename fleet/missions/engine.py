@@ -18,7 +18,6 @@ from fleet.missions.state import (
     Abort,
     Enlisted,
     Facts,
-    Head,
     Left,
     NotStarted,
     PartOutcome,
@@ -34,6 +33,7 @@ from fleet.missions.state import (
     RobotPrepared,
     RunEffect,
     RunEvent,
+    RunHead,
     RunMember,
     Start,
     StepPart,
@@ -54,11 +54,11 @@ class Engine:
         program: Program,
         members: Iterable[RunMember],
         *,
-        head: Head | None = None,
+        head: RunHead | None = None,
         parts: Iterable[StepPart] = (),
     ) -> None:
         self.program = program
-        self.head = head or Head()
+        self.head = head or RunHead()
         self.robots = RunRobots(run, members, parts)
         self.seen = RobotFacts()
         self.ending = Ending(program, self.head, self.robots)

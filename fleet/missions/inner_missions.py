@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fleet.missions.program import Enter, Leave, Program
 from fleet.missions.run_robots import RunRobots
-from fleet.missions.state import GOING_ON, Head, Phase
+from fleet.missions.state import GOING_ON, Phase, RunHead
 
 HELD = ("restart", "resume")
 """Questions whose answer decides whether the run continues: until then nothing else may advance it."""
@@ -13,7 +13,7 @@ HELD = ("restart", "resume")
 class InnerMissions:
     """The inner missions of one run; ``head`` is the position of the run."""
 
-    def __init__(self, program: Program, head: Head, robots: RunRobots) -> None:
+    def __init__(self, program: Program, head: RunHead, robots: RunRobots) -> None:
         self._head = head
         self._robots = robots
         self._all = [(at, step) for at, step in enumerate(program.steps) if isinstance(step, Enter)]

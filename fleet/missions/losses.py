@@ -12,7 +12,7 @@ from fleet.missions.ending import Ending
 from fleet.missions.inner_missions import InnerMissions
 from fleet.missions.program import Act, Do, Enter, Program
 from fleet.missions.run_robots import RunRobots
-from fleet.missions.state import GOING_ON, Head, PartOutcome, Phase, Question, instruction_of, step_name
+from fleet.missions.state import GOING_ON, PartOutcome, Phase, Question, RunHead, instruction_of, step_name
 
 ANSWERED_WITHIN = 600.0  # s for questions of the engine itself
 Then = Literal["continue", "wait", "fail"]
@@ -24,7 +24,7 @@ class RobotLosses:
     def __init__(
         self,
         program: Program,
-        head: Head,
+        head: RunHead,
         robots: RunRobots,
         inner: InnerMissions,
         *,
@@ -134,7 +134,7 @@ class RobotLosses:
 
 
 def put(
-    head: Head,
+    head: RunHead,
     robots: RunRobots,
     step: str,
     text: str,

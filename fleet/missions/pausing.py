@@ -7,7 +7,7 @@ import msgspec
 from fleet.missions.facts import RobotFacts
 from fleet.missions.program import Program
 from fleet.missions.run_robots import RunRobots
-from fleet.missions.state import Head, Hold, Occupy, Pause, Phase, Resume, required
+from fleet.missions.state import Hold, Occupy, Pause, Phase, Resume, RunHead, required
 from fleet.missions.steps import StepRunner
 
 PAUSABLE = frozenset({"goto", "path", "plan", "follow"})
@@ -18,7 +18,7 @@ class Pausing:
     """Pauses and resumes one mission run."""
 
     def __init__(
-        self, program: Program, head: Head, robots: RunRobots, seen: RobotFacts, steps: StepRunner
+        self, program: Program, head: RunHead, robots: RunRobots, seen: RobotFacts, steps: StepRunner
     ) -> None:
         self._program = program
         self._head = head

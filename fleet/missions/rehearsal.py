@@ -136,7 +136,7 @@ class RehearsalPoll(msgspec.Struct, frozen=True):
     since: int = 0
 
 
-class Passed(msgspec.Struct, frozen=True):
+class StoredPass(msgspec.Struct, frozen=True):
     """A pass as the edge stores it; ``stamp`` is Unix seconds.
 
     ``places`` are the positions of the robots of its roles at the rehearsal, metres, from their states.
@@ -173,7 +173,7 @@ class Present(msgspec.Struct, frozen=True):
     roles: Mapping[str, Sequence[str]] | None
 
 
-def refusal(passes: Iterable[Passed], present: Present) -> str:
+def refusal(passes: Iterable[StoredPass], present: Present) -> str:
     """Return why no pass permits the start of a mission; empty if one does. Newest passes come first."""
     wanted = program_digest(present.program)
     reasons = [stale_reason(passed, present) for passed in passes if passed.program == wanted]
@@ -182,7 +182,7 @@ def refusal(passes: Iterable[Passed], present: Present) -> str:
     return reasons[0] if reasons else "it has not been rehearsed with these inputs"
 
 
-def stale_reason(passed: Passed, present: Present) -> str:
+def stale_reason(passed: StoredPass, present: Present) -> str:
     """Return why a pass of the same program is not valid now; empty if it is."""
     roles = present.roles
     if passed.config != present.config:
@@ -195,7 +195,7 @@ def stale_reason(passed: Passed, present: Present) -> str:
     return _moved(passed, present.places) if roles is not None else ""
 
 
-def _moved(passed: Passed, places: Mapping[str, TrackPoint | None]) -> str:
+def _moved(passed: StoredPass, places: Mapping[str, TrackPoint | None]) -> str:
     """Return which robot has moved since the rehearsal; empty if none has."""
     for robot, was in passed.places.items():
         now = places.get(robot)

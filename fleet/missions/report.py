@@ -8,8 +8,8 @@ from typing import Any, Literal
 import msgspec
 
 from fleet.missions.engine import Engine
-from fleet.missions.state import Head, RunMember, StepPart
-from fleet.missions.store import About
+from fleet.missions.state import RunHead, RunMember, StepPart
+from fleet.missions.store import RunOrigin
 
 
 class MissionStartRequest(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -113,7 +113,7 @@ class MissionState(msgspec.Struct, frozen=True, omit_defaults=True):
     steps: tuple[str, ...] = ()
 
 
-def state_of(engine: Engine, about: About, edge: str, seconds: float, problem: str = "") -> RunState:
+def state_of(engine: Engine, about: RunOrigin, edge: str, seconds: float, problem: str = "") -> RunState:
     """Return the present state of a run."""
     head = engine.head
     doing = {part.robot: part.act.words for part in engine.robots.active()}
@@ -143,7 +143,7 @@ def state_of(engine: Engine, about: About, edge: str, seconds: float, problem: s
     )
 
 
-def ended_state(about: About, head: Head, members: Iterable[RunMember], edge: str) -> RunState:
+def ended_state(about: RunOrigin, head: RunHead, members: Iterable[RunMember], edge: str) -> RunState:
     """Return the last state of an ended run."""
     return RunState(
         about.run,

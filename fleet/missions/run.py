@@ -40,7 +40,7 @@ from fleet.missions.state import (
     RunOutcome,
     Tick,
 )
-from fleet.missions.store import About, RunChange, RunStore
+from fleet.missions.store import RunChange, RunOrigin, RunStore
 from fleet.missions.together import Together, TogetherStep
 from fleet.model.command import Reply, Request, Transport, session_of
 from fleet.model.state import RobotState
@@ -100,7 +100,7 @@ class Run:
 
     def __init__(
         self,
-        about: About,
+        about: RunOrigin,
         engine: Engine,
         services: RunServices,
         *,

@@ -12,9 +12,9 @@ from fleet.clock import Clock
 from fleet.errors import Refused
 from fleet.missions.program import Program
 from fleet.missions.run import Run
-from fleet.missions.state import Head, Phase, PlaceOccupied
+from fleet.missions.state import Phase, PlaceOccupied, RunHead
 from fleet.missions.store import StoredRun
-from fleet.model.occupancy import Claim, ClaimVerdict, Occupancy, Settled
+from fleet.model.occupancy import Claim, ClaimVerdict, Occupancy, SettledClaim
 from fleet.model.place import Place
 
 
@@ -90,7 +90,7 @@ class RunPlaces:
         except ValueError as error:  # fleet.yaml has changed since its start
             self._notify(run, PlaceOccupied(late=f"occupies: {error}"))
 
-    def _settle(self, settled: Iterable[Settled]) -> None:
+    def _settle(self, settled: Iterable[SettledClaim]) -> None:
         """Inform runs whose wait has ended."""
         for each in settled:
             if each.verdict is ClaimVerdict.GRANTED:
@@ -127,6 +127,6 @@ def _wanted(program: Program) -> dict[str, int]:
     return dict.fromkeys(program.occupies, 1)
 
 
-def _waits(head: Head) -> bool:
+def _waits(head: RunHead) -> bool:
     """Return True if a run has not got its places yet."""
     return Phase.OCCUPYING in (head.phase, head.paused_from if head.phase is Phase.PAUSED else head.phase)

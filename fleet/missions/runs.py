@@ -44,7 +44,7 @@ from fleet.missions.state import (
     Start,
     StopAll,
 )
-from fleet.missions.store import About, RunStore, StoredRun
+from fleet.missions.store import RunOrigin, RunStore, StoredRun
 from fleet.missions.together import Together
 from fleet.model.command import Origin, Reply, Transport
 
@@ -175,7 +175,7 @@ class Runs:
         except Refused as error:
             began("", {}, str(error))
             return
-        about = About(
+        about = RunOrigin(
             run,
             program.mission,
             digest_of(program, roles),

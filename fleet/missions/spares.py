@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from fleet.missions.facts import RobotFacts
 from fleet.missions.program import Program
 from fleet.missions.run_robots import RunRobots
-from fleet.missions.state import Dismiss, Enlist, Enlisted, Head, PartOutcome, Phase, RunMember
+from fleet.missions.state import Dismiss, Enlist, Enlisted, PartOutcome, Phase, RunHead, RunMember
 
 ENLISTED_WITHIN = 10.0  # s for a spare to join the run
 
@@ -19,7 +19,7 @@ ENLISTED_WITHIN = 10.0  # s for a spare to join the run
 class Spares:
     """The spares of one run."""
 
-    def __init__(self, program: Program, head: Head, robots: RunRobots, seen: RobotFacts) -> None:
+    def __init__(self, program: Program, head: RunHead, robots: RunRobots, seen: RobotFacts) -> None:
         self._program = program
         self._head = head
         self._robots = robots

@@ -156,7 +156,7 @@ class UndoableStep(msgspec.Struct, frozen=True):
     step: str
 
 
-class Head(msgspec.Struct):
+class RunHead(msgspec.Struct):
     """Position and phase of a run."""
 
     phase: Phase = Phase.NEW
@@ -178,18 +178,18 @@ class Head(msgspec.Struct):
     reason: str = ""
 
 
-def instruction_of(program: Program, head: Head) -> Instruction | None:
+def instruction_of(program: Program, head: RunHead) -> Instruction | None:
     """Return the present instruction; None after the last."""
     return program.steps[head.at] if head.at < len(program.steps) else None
 
 
-def required(program: Program, head: Head) -> Require:
+def required(program: Program, head: RunHead) -> Require:
     """Return the requirements of the present step."""
     step = instruction_of(program, head)
     return (isinstance(step, Do) and step.require) or program.require
 
 
-def step_name(program: Program, head: Head) -> str:
+def step_name(program: Program, head: RunHead) -> str:
     """Return the name of the present step as used in parts: each repetition has another number."""
     if head.at >= len(program.steps):
         return "end"

@@ -24,12 +24,12 @@ from fleet.missions.spares import ENLISTED_WITHIN, Spares
 from fleet.missions.state import (
     GOING_ON,
     Enlisted,
-    Head,
     NotStarted,
     Occupy,
     PartOutcome,
     Phase,
     Prepare,
+    RunHead,
     RunOutcome,
     StepPart,
     UndoableStep,
@@ -47,7 +47,7 @@ class StepRunner:
     """The steps of one run; ``losses.now`` is the time of the present event."""
 
     def __init__(
-        self, program: Program, head: Head, robots: RunRobots, seen: RobotFacts, ending: Ending
+        self, program: Program, head: RunHead, robots: RunRobots, seen: RobotFacts, ending: Ending
     ) -> None:
         self.program = program
         self.head = head

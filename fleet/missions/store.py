@@ -26,7 +26,7 @@ import msgspec
 
 from fleet.errors import StateError
 from fleet.missions.program import Program
-from fleet.missions.state import Head, LogNote, RunMember, RunOutcome, StepPart
+from fleet.missions.state import LogNote, RunHead, RunMember, RunOutcome, StepPart
 from fleet.runtime.decoding import decode_json
 from fleet.spool.database import open_checked, transaction
 from fleet.spool.state_folder import create_folder, locked
@@ -51,7 +51,7 @@ _HEAD = "UPDATE run SET head = ?, ended = ?, stamp = ?, elapsed = ? WHERE id = ?
 _encode = msgspec.json.Encoder().encode
 
 
-class About(msgspec.Struct, frozen=True, omit_defaults=True):
+class RunOrigin(msgspec.Struct, frozen=True, omit_defaults=True):
     """Origin of a run: user, time (Unix s) and inputs; ``hash`` covers the program and the roles.
 
     ``transport`` and ``source_type`` are the authority under which its robots are commanded. ``workflow`` is
@@ -82,21 +82,21 @@ class RunChange(msgspec.Struct, frozen=True):
     """Changes of a run by one event. ``elapsed``: seconds of the run's clock, at ``stamp`` (Unix s)."""
 
     run: str
-    head: Head
+    head: RunHead
     touched: Sequence[StepPart | RunMember]
     notes: Sequence[LogNote]
     stamp: float
     elapsed: float
-    about: About | None = None  # only for a new run, with its program
+    about: RunOrigin | None = None  # only for a new run, with its program
     program: Program | None = None
 
 
 class StoredRun(msgspec.Struct, frozen=True):
     """A stored run."""
 
-    about: About
+    about: RunOrigin
     program: Program
-    head: Head
+    head: RunHead
     members: list[RunMember]
     parts: list[StepPart]
     stamp: float
@@ -172,12 +172,14 @@ class RunStore:
             self._fail(error)
             return []
 
-    def ended(self, most: int, callback: Callable[[list[tuple[About, Head, list[RunMember]]]], None]) -> None:
+    def ended(
+        self, most: int, callback: Callable[[list[tuple[RunOrigin, RunHead, list[RunMember]]]], None]
+    ) -> None:
         """Pass the ended runs, newest first, to ``callback``, on the store's thread."""
         self._thread.submit(lambda: callback(self._ended(most)))
 
     def ended_run(
-        self, run: str, callback: Callable[[tuple[About, Head, list[RunMember]] | None], None]
+        self, run: str, callback: Callable[[tuple[RunOrigin, RunHead, list[RunMember]] | None], None]
     ) -> None:
         """Pass an ended run to ``callback``, on the store's thread; None if there is none of this id."""
         try:
@@ -201,9 +203,9 @@ class RunStore:
     ) -> StoredRun:
         """Return a run from its rows; raises DecodeError, sqlite3.Error."""
         return StoredRun(
-            decode_json(about.encode(), About),
+            decode_json(about.encode(), RunOrigin),
             decode_json(program.encode(), Program),
-            decode_json(head.encode(), Head),
+            decode_json(head.encode(), RunHead),
             [decode_json(row.encode(), RunMember) for row in self._states("member", run)],
             [decode_json(row.encode(), StepPart) for row in self._states("part", run)],
             stamp,
@@ -268,7 +270,7 @@ class RunStore:
         for table, column in (("note", "run"), ("part", "run"), ("member", "run"), ("run", "id")):
             database.executemany(f"DELETE FROM {table} WHERE {column} = ?", [(run,) for run in gone])  # noqa: S608 - constant
 
-    def _ended_run(self, run: str) -> tuple[About, Head, list[RunMember]] | None:
+    def _ended_run(self, run: str) -> tuple[RunOrigin, RunHead, list[RunMember]] | None:
         """Read an ended run; None if there is none, or the file fails."""
         try:
             return next(iter(self._ended(1, run)), None)
@@ -276,7 +278,7 @@ class RunStore:
             self._fail(error)
             return None
 
-    def _ended(self, most: int, run: str = "") -> list[tuple[About, Head, list[RunMember]]]:
+    def _ended(self, most: int, run: str = "") -> list[tuple[RunOrigin, RunHead, list[RunMember]]]:
         """Read the ended runs, or one of them."""
         if self._database is None:
             return []
@@ -286,8 +288,8 @@ class RunStore:
         ).fetchall()
         return [
             (
-                decode_json(about.encode(), About),
-                decode_json(head.encode(), Head),
+                decode_json(about.encode(), RunOrigin),
+                decode_json(head.encode(), RunHead),
                 [decode_json(row.encode(), RunMember) for row in self._states("member", run)],
             )
             for run, about, head in rows

@@ -43,7 +43,7 @@ class ClaimVerdict(enum.StrEnum):
     LATE = "late"
 
 
-class Settled(msgspec.Struct, frozen=True):
+class SettledClaim(msgspec.Struct, frozen=True):
     """A claim whose wait is over; of a late one, ``place`` was missing, and ``held_by`` are its holders."""
 
     holder: str
@@ -72,7 +72,9 @@ class Occupancy:
                 return f"{place} has room for {capacity}, not for {number}"
         return ""
 
-    def request(self, holder: str, wanted: Mapping[str, int], *, now: float, within: float) -> list[Settled]:
+    def request(
+        self, holder: str, wanted: Mapping[str, int], *, now: float, within: float
+    ) -> list[SettledClaim]:
         """Request places for a holder that waits at most ``within`` seconds; return the claims settled by it.
 
         Raises ValueError for places that no holder can have, and for a holder with a claim.
@@ -86,7 +88,7 @@ class Occupancy:
         self.claims.append(claim)
         return self._settle(now, new=claim)
 
-    def release_places(self, holder: str, *, now: float) -> list[Settled]:
+    def release_places(self, holder: str, *, now: float) -> list[SettledClaim]:
         """Return all places of a holder, or end its wait; return the claims settled by it.
 
         A holder without a claim is ignored.
@@ -94,7 +96,7 @@ class Occupancy:
         self.claims = [claim for claim in self.claims if claim.holder != holder]
         return self._settle(now)
 
-    def settle(self, *, now: float) -> list[Settled]:
+    def settle(self, *, now: float) -> list[SettledClaim]:
         """Return the claims settled by now: waits that have ended, and grants that follow from these."""
         return self._settle(now)
 
@@ -120,9 +122,9 @@ class Occupancy:
             if name == place
         }
 
-    def _settle(self, now: float, new: Claim | None = None) -> list[Settled]:
+    def _settle(self, now: float, new: Claim | None = None) -> list[SettledClaim]:
         """Expire late claims and grant free places, until nothing changes; return the settled claims."""
-        settled: list[Settled] = []
+        settled: list[SettledClaim] = []
         waiting = [claim for claim in self.claims if not claim.complete or claim is new]
         self._grant_free()
         while late := [claim for claim in self.claims if not claim.complete and claim.until <= now]:
@@ -130,7 +132,7 @@ class Occupancy:
             self.claims = [claim for claim in self.claims if claim not in late]
             self._grant_free()
         granted = [claim for claim in self.claims if claim.complete and claim in waiting]
-        return settled + [Settled(claim.holder, ClaimVerdict.GRANTED) for claim in granted]
+        return settled + [SettledClaim(claim.holder, ClaimVerdict.GRANTED) for claim in granted]
 
     def _grant_free(self) -> None:
         """Grant free places, the oldest claim first.
@@ -149,7 +151,7 @@ class Occupancy:
             if claim.next is not None:
                 awaited.add(claim.next[0])
 
-    def _late(self, claim: Claim) -> Settled:
+    def _late(self, claim: Claim) -> SettledClaim:
         """Return the result of a late claim, with the holders of the place that it waited for."""
         place = claim.wanted[claim.taken][0]
-        return Settled(claim.holder, ClaimVerdict.LATE, place, tuple(self.held(place)))
+        return SettledClaim(claim.holder, ClaimVerdict.LATE, place, tuple(self.held(place)))

@@ -10,7 +10,7 @@ from typing import Any
 
 import msgspec
 
-from fleet.replay.recorded_robot import Said
+from fleet.replay.recorded_robot import RecordedReport
 
 TICK = 0.02
 """Tolerance of a report's time in seconds: reports are published once per tick, the newest each."""
@@ -34,8 +34,8 @@ class Difference(msgspec.Struct, frozen=True):
 
 def differences(
     robot: str,
-    recorded: Mapping[str, Sequence[Said]],
-    now: Mapping[str, Sequence[Said]],
+    recorded: Mapping[str, Sequence[RecordedReport]],
+    now: Mapping[str, Sequence[RecordedReport]],
     *,
     since: float = -math.inf,
     tolerance: Mapping[str, float] = MappingProxyType({}),
@@ -63,7 +63,7 @@ def differences(
                 yield Difference(said.stamp, robot, channel, what)
 
 
-def _stamp(said: Said) -> float:
+def _stamp(said: RecordedReport) -> float:
     """Return the stamp of a report."""
     return said.stamp
 
@@ -74,8 +74,8 @@ def _is_event(channel: str) -> bool:
 
 
 def _missing(
-    said: Said,
-    others: Sequence[Said],
+    said: RecordedReport,
+    others: Sequence[RecordedReport],
     times: Sequence[float],
     tolerance: Mapping[str, float],
     *,

@@ -27,7 +27,7 @@ _NO_REPORTS = frozenset(
 _STAMPS = ("timestamp", "stamp")
 
 
-class Said(msgspec.Struct, frozen=True):
+class RecordedReport(msgspec.Struct, frozen=True):
     """One report: its stamp (Unix s), and its other members."""
 
     stamp: float
@@ -44,7 +44,7 @@ class RecordedRobot(msgspec.Struct, frozen=True):
     edge: str
     name: str
     frames: tuple[tuple[str, LinkFrame], ...]
-    reports: Mapping[str, list[Said]]
+    reports: Mapping[str, list[RecordedReport]]
 
     @property
     def links(self) -> tuple[str, ...]:
@@ -63,7 +63,7 @@ class RecordedRobot(msgspec.Struct, frozen=True):
 class Recording(msgspec.Struct, frozen=True):
     """The content of a file: reports by robot (edge and name), and frames by link."""
 
-    reports: dict[tuple[str, str], dict[str, list[Said]]]
+    reports: dict[tuple[str, str], dict[str, list[RecordedReport]]]
     frames: dict[tuple[str, str], list[LinkFrame]]
     openers: dict[tuple[str, str], set[str]]
 
@@ -101,9 +101,9 @@ def recording_of(messages: Iterable[ReadMessage]) -> Recording:
     return recording
 
 
-def said_in(topic: str, data: bytes, stamp: float) -> tuple[str, Said]:
+def said_in(topic: str, data: bytes, stamp: float) -> tuple[str, RecordedReport]:
     """Return the channel and content of a recorded report; ``topic`` is without the robot."""
     document: dict[str, Any] = decode_json(data, dict[str, Any])
     content = {name: value for name, value in document.items() if name not in _STAMPS}
     kind = content.get("type")
-    return f"{topic}:{kind}" if isinstance(kind, str) else topic, Said(stamp, content)
+    return f"{topic}:{kind}" if isinstance(kind, str) else topic, RecordedReport(stamp, content)

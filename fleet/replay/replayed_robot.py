@@ -14,7 +14,7 @@ from fleet.link.base import Address, Link
 from fleet.model.health import Health
 from fleet.model.report import Report
 from fleet.record.messages import report_messages
-from fleet.replay.recorded_robot import RecordedRobot, Said, said_in
+from fleet.replay.recorded_robot import RecordedReport, RecordedRobot, said_in
 from fleet.robot_config import Limits
 from fleet.wire.checks import check_report
 from fleet.wire.databus import encode_report
@@ -76,7 +76,7 @@ class ReplayedRobot:
         self.log = logging.getLogger(f"fleet.replay.{name}")
         self.emergency_stop = False
         self.log.propagate = False  # its log messages about the past are no news
-        self.said: dict[str, list[Said]] = {}
+        self.said: dict[str, list[RecordedReport]] = {}
         self.channels: dict[int, frozenset[str]] = {}
         self.failed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._known = known

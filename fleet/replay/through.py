@@ -16,7 +16,7 @@ from fleet.link.tap import LinkFrame
 from fleet.link.url import OPENER
 from fleet.replay.differences import Difference, differences
 from fleet.replay.recorded_links import RecordedLinks
-from fleet.replay.recorded_robot import RecordedRobot, Said
+from fleet.replay.recorded_robot import RecordedReport, RecordedRobot
 from fleet.replay.replayed_robot import RecordedChannels, RecordedTime, ReplayedRobot
 from fleet.robot_config import AdapterConfig
 from fleet.runtime.simulated_time import JumpingLoop
@@ -70,7 +70,7 @@ def _is_replayed(plugin: type[AnyAdapter], channel: str) -> bool:
 
 def _replayed(
     plugin: type[AnyAdapter], config: AdapterConfig, recorded: RecordedRobot, known: RecordedChannels | None
-) -> tuple[RecordedChannels, Mapping[str, list[Said]], Difference | None]:
+) -> tuple[RecordedChannels, Mapping[str, list[RecordedReport]], Difference | None]:
     """Replay once; return the channels of each periodic call, all reports, and the adapter's failure."""
     with asyncio.Runner(loop_factory=JumpingLoop) as runner:
         return runner.run(
@@ -94,14 +94,14 @@ class _RobotReplay:
         self._known = known
         self._links = RecordedLinks(recorded.links)
         self._state: dict[str, Any] = {}  # survives attempts
-        self._said: dict[str, list[Said]] = {}
+        self._said: dict[str, list[RecordedReport]] = {}
         self._learned: dict[int, frozenset[str]] = {}
         self._failure: Difference | None = None
         self._clock: RecordedTime
         self._robot: ReplayedRobot
         self._attempt: asyncio.Task[None]
 
-    async def run(self) -> tuple[RecordedChannels, Mapping[str, list[Said]], Difference | None]:
+    async def run(self) -> tuple[RecordedChannels, Mapping[str, list[RecordedReport]], Difference | None]:
         """Feed everything that was recorded."""
         OPENER.set(self._links.open)
         self._clock = RecordedTime(self._recorded.frames[0][1].at)

@@ -19,7 +19,7 @@ from fleet.health.aggregate import LEVELS
 from fleet.model.health import Level
 from fleet.rollout.bundle import Bundle, BundleError, opened
 from fleet.rollout.decision import AgentAction, AgentRecord, Refusal, action, version_refusal
-from fleet.rollout.edge_here import Applied, EdgeHere, Running
+from fleet.rollout.edge_here import ApplyResult, EdgeHere, Running
 from fleet.rollout.faults import got_worse
 from fleet.rollout.installation import Installation
 from fleet.rollout.messages import (
@@ -213,12 +213,12 @@ class Agent:
         """Record that the roll-out ended before this edge changed anything."""
         self._settle(BundleStage.WITHDRAWN, "the roll-out ended before it was taken")
 
-    def _applied(self) -> Applied:
+    def _applied(self) -> ApplyResult:
         """Have the edge apply the active bundle, including changed code and files that only a start reads."""
         try:
             applied = self._here.apply(f"roll-out {self.record.rollout} of {self.record.by}")
         except FleetError as error:
-            return Applied(failed=_one_line(error))
+            return ApplyResult(failed=_one_line(error))
         if applied.failed or applied.waits:
             return applied
         running = self._here.running()

@@ -31,7 +31,7 @@ class Code(msgspec.Struct, frozen=True):
     files: tuple[str, ...] = ()
 
 
-class Applied(msgspec.Struct, frozen=True):
+class ApplyResult(msgspec.Struct, frozen=True):
     """Result of one attempt to apply a bundle.
 
     ``failed``: the failures. ``waits``: the parts that cannot be applied yet, with their reasons. Both are
@@ -58,7 +58,7 @@ class EdgeHere(Protocol):
     def check(self, folder: Path, before: Path | None) -> Code:
         """Check the files of a bundle and compare them with the previous ones; raises FleetError."""
 
-    def apply(self, by: str) -> Applied:
+    def apply(self, by: str) -> ApplyResult:
         """Have the edge apply its fleet file; raises FleetError if it refuses the whole file."""
 
     def reload(self, adapter: str) -> str:
@@ -86,12 +86,12 @@ class LocalEdge:
         changed = [name for name in _changed(before, folder) if (folder / name).resolve() not in compared]
         return _code(folder, loaded, changed)
 
-    def apply(self, by: str) -> Applied:
+    def apply(self, by: str) -> ApplyResult:
         """Have the edge apply its fleet file."""
         requested = ChangesRequest("apply", by=by, file=str(self._file.resolve()))
         answer = request_changes(self._edge, str(self._file), requested)
         if answer is None:
-            return Applied(waits=f"edge {self._edge} does not run; it starts with this bundle")
+            return ApplyResult(waits=f"edge {self._edge} does not run; it starts with this bundle")
         return summary(answer.changes)
 
     def reload(self, adapter: str) -> str:
@@ -123,7 +123,7 @@ class LocalEdge:
         return Running(found.health, found.cause, found.stamp - found.uptime, faults_of(found, robots))
 
 
-def summary(changes: Iterable[Change]) -> Applied:
+def summary(changes: Iterable[Change]) -> ApplyResult:
     """Return the result of all changes together."""
     lines, failed, waits = [], [], []
     for change in changes:
@@ -134,7 +134,7 @@ def summary(changes: Iterable[Change]) -> Applied:
             failed.append(f"{change.name}: {change.why}")
         elif change.outcome is not Outcome.DONE:
             waits.append(f"{change.name}: {change.why}")
-    return Applied(tuple(lines), "; ".join(failed), "; ".join(waits))
+    return ApplyResult(tuple(lines), "; ".join(failed), "; ".join(waits))
 
 
 def _changed(before: Path, after: Path) -> list[str]:

@@ -33,7 +33,7 @@ class PartFault(msgspec.Struct, frozen=True):
     cause: str
 
 
-class Worse(StrEnum):
+class Degradation(StrEnum):
     """Whether a part got worse between two levels."""
 
     NO = "no"
@@ -41,26 +41,26 @@ class Worse(StrEnum):
     YES = "yes"
 
 
-WORSE: Mapping[Level, Mapping[Level, Worse]] = {
+WORSE: Mapping[Level, Mapping[Level, Degradation]] = {
     Level.OK: {
-        Level.OK: Worse.NO,
-        Level.DEGRADED: Worse.YES,
-        Level.OFFLINE: Worse.YES,
-        Level.FAULT: Worse.YES,
+        Level.OK: Degradation.NO,
+        Level.DEGRADED: Degradation.YES,
+        Level.OFFLINE: Degradation.YES,
+        Level.FAULT: Degradation.YES,
     },
     Level.DEGRADED: {
-        Level.OK: Worse.NO,
-        Level.DEGRADED: Worse.NEW_CAUSE,
-        Level.OFFLINE: Worse.YES,
-        Level.FAULT: Worse.YES,
+        Level.OK: Degradation.NO,
+        Level.DEGRADED: Degradation.NEW_CAUSE,
+        Level.OFFLINE: Degradation.YES,
+        Level.FAULT: Degradation.YES,
     },
     Level.OFFLINE: {
-        Level.OK: Worse.NO,
-        Level.DEGRADED: Worse.NO,
-        Level.OFFLINE: Worse.NO,
-        Level.FAULT: Worse.YES,
+        Level.OK: Degradation.NO,
+        Level.DEGRADED: Degradation.NO,
+        Level.OFFLINE: Degradation.NO,
+        Level.FAULT: Degradation.YES,
     },
-    Level.FAULT: dict.fromkeys(Level, Worse.NO),
+    Level.FAULT: dict.fromkeys(Level, Degradation.NO),
 }
 """Comparison by the previous and the present level.
 
@@ -117,9 +117,9 @@ def _without_figures(cause: str) -> str:
 def _is_worse(was: PartFault | None, fault: PartFault) -> bool:
     """Return whether a part is worse than before; ``was`` is None if it had no fault."""
     verdict = WORSE[_level(was) if was else Level.OK][_level(fault)]
-    if verdict is Worse.NEW_CAUSE and was is not None:
+    if verdict is Degradation.NEW_CAUSE and was is not None:
         return _without_figures(was.cause) != _without_figures(fault.cause)
-    return verdict is Worse.YES
+    return verdict is Degradation.YES
 
 
 def _words(was: PartFault | None, fault: PartFault) -> str:

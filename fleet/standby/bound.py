@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import msgspec
 
-from fleet.standby.lease import Takeover, Terms
+from fleet.standby.lease import LeaseTimes, Takeover
 
 
-class Bound(msgspec.Struct, frozen=True):
+class MotionBound(msgspec.Struct, frozen=True):
     """Time for which a robot may continue to move after its edge's last message, s.
 
     ``setpoint_lease``: for which the edge holds a velocity; ``failsafe``: within which the robot's own
@@ -22,7 +22,7 @@ class Bound(msgspec.Struct, frozen=True):
         return None if self.failsafe is None else lease + self.setpoint_lease + self.failsafe
 
 
-def motion_from(bound: Bound, takeover: Takeover, terms: Terms) -> float | None:
+def motion_from(bound: MotionBound, takeover: Takeover, terms: LeaseTimes) -> float | None:
     """Return when the robot may be moved (s, as the takeover's); None: only after a stop from here.
 
     A holder that released its robots in order was not silent for the whole lease: then only the robot's own

@@ -4,7 +4,7 @@ The lease is one entry of a store with compare-and-set. Its holder renews it by 
 the moment at which it was *begun*. Another edge takes the lease only when it has seen the same revision for
 the whole length of the lease, and a revision is seen only after its write was begun. So the holder's time
 ends first, whatever the clocks of the two computers and of the store show; their rates must agree within a
-twelfth (``Terms``). Times are seconds of a clock per computer that also advances while the computer is
+twelfth (``LeaseTimes``). Times are seconds of a clock per computer that also advances while the computer is
 suspended.
 """
 
@@ -45,7 +45,7 @@ TRANSITIONS: Mapping[tuple[LeaseState, LeaseEvent], LeaseState] = {
 """Other events change nothing. Fenced never returns to holder directly: that takes a new epoch."""
 
 
-class Terms(msgspec.Struct, frozen=True):
+class LeaseTimes(msgspec.Struct, frozen=True):
     """The times of a lease, s.
 
     ``standstill``: motion ends this long before the end of the lease. ``margin``: writes to robots end this
@@ -106,7 +106,7 @@ class _Write(msgspec.Struct, frozen=True):
 class Lease:
     """One edge's view of the lease. All methods are called on one thread."""
 
-    def __init__(self, edge: str, process: str, terms: Terms, config: str = "") -> None:
+    def __init__(self, edge: str, process: str, terms: LeaseTimes, config: str = "") -> None:
         self.edge = edge
         self.process = process
         self.terms = terms

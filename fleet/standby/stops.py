@@ -17,7 +17,7 @@ class OwnStop(msgspec.Struct, frozen=True):
     requested: int
 
 
-class Followed(msgspec.Struct, frozen=True):
+class FollowActions(msgspec.Struct, frozen=True):
     """Actions: robots to stop, with causes; to release; to stop at the holder too."""
 
     stop: dict[str, str]
@@ -39,7 +39,7 @@ class FollowedStops:
         ] = {}  # robots on the holder's last list, with the number of our requests then
         self._forwarded: dict[str, tuple[int, float]] = {}  # robot to number of our requests then, and when
 
-    def follow(self, listed: Mapping[str, str], own: Mapping[str, OwnStop], now: float) -> Followed:
+    def follow(self, listed: Mapping[str, str], own: Mapping[str, OwnStop], now: float) -> FollowActions:
         """Return the actions for the holder's list; ``now``: monotonic seconds."""
         stop = {robot: why for robot, why in listed.items() if robot in own and not own[robot].is_set}
         release = [
@@ -59,7 +59,7 @@ class FollowedStops:
         self._forwarded |= {robot: (own[robot].requested, now) for robot in forward}
         # A stop that we set now because of the list counts as one more request.
         self._listed = {robot: own[robot].requested + (robot in stop) for robot in listed if robot in own}
-        return Followed(stop, release, forward)
+        return FollowActions(stop, release, forward)
 
     def _is_due(self, robot: str, requested: int, now: float) -> bool:
         """Return whether a stop that the holder does not list is forwarded now."""

@@ -3,7 +3,7 @@
 import msgspec
 
 from fleet.rollout.bundle import Bundle, sealed
-from fleet.rollout.edge_here import Applied, Code, Running
+from fleet.rollout.edge_here import ApplyResult, Code, Running
 from fleet.rollout.messages import DesiredState, EdgeTarget, ObservedState, Rollout, read_entry
 from fleet.rollout.store import StoreError, parts_of
 from fleet.rollout.waves import RolloutProgress
@@ -97,7 +97,7 @@ class FakeEdge:
 
     def apply(self, by):
         self.applied.append(self.installation.file_in_use.read_bytes())
-        outcome = self.outcomes.pop(0) if self.outcomes else Applied(("rex: settings only: done",))
+        outcome = self.outcomes.pop(0) if self.outcomes else ApplyResult(("rex: settings only: done",))
         if isinstance(outcome, Exception):
             raise outcome
         return outcome

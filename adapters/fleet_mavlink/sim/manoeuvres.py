@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Protocol
 
-from fleet_mavlink.sim.physics import Aim, approach
+from fleet_mavlink.sim.physics import MotionTarget, approach
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
@@ -29,23 +29,23 @@ class Manoeuvre:
     in_air_state = IN_AIR
     done = False  # the manoeuvre has reached its goal
 
-    def aim(self, pilot: Autopilot) -> Aim:  # noqa: ARG002 - for subclasses
+    def aim(self, pilot: Autopilot) -> MotionTarget:  # noqa: ARG002 - for subclasses
         """Return the requested motion; called once per physics step."""
-        return Aim(thrust=False)
+        return MotionTarget(thrust=False)
 
 
 class Idle(Manoeuvre):
     """Motors idle or off."""
 
 
-def aim_at(pilot: Autopilot, place: NedPosition, speed: float, heading: float | None) -> Aim:
+def aim_at(pilot: Autopilot, place: NedPosition, speed: float, heading: float | None) -> MotionTarget:
     """Return the motion that brings the vehicle to a position and keeps it there."""
     body = pilot.body
     dn, de, dd = place.north - body.north, place.east - body.east, place.down - body.down
     distance = math.hypot(dn, de)
     pace = approach(distance, speed, pilot.agility.across) / distance if distance > 1e-6 else 0.0
     vd = max(-pilot.speeds.climb, min(pilot.speeds.sink, dd))
-    return Aim(dn * pace, de * pace, vd, heading)
+    return MotionTarget(dn * pace, de * pace, vd, heading)
 
 
 class GoToManoeuvre(Manoeuvre):
@@ -66,7 +66,7 @@ class GoToManoeuvre(Manoeuvre):
         self.heading = heading
         self.speed = speed
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return the motion towards the position."""
         body = pilot.body
         flat = math.hypot(self.north - body.north, self.east - body.east)
@@ -77,17 +77,17 @@ class GoToManoeuvre(Manoeuvre):
         return aim_at(pilot, self, self.speed or pilot.speeds.cruise, heading)
 
 
-class Unflown(GoToManoeuvre):
+class OnGround(GoToManoeuvre):
     """Have a position as the target, and rest on the ground."""
 
-    def aim(self, pilot: Autopilot) -> Aim:  # noqa: ARG002 - independent of the state
+    def aim(self, pilot: Autopilot) -> MotionTarget:  # noqa: ARG002 - independent of the state
         """Return no motion."""
-        return Aim(thrust=False)
+        return MotionTarget(thrust=False)
 
 
 def resting(wanted: Manoeuvre) -> Manoeuvre:
     """Return what a vehicle on the ground makes of a setpoint: it only keeps the target."""
-    return Unflown(*place_of(wanted)) if isinstance(wanted, GoToManoeuvre) else Idle()
+    return OnGround(*place_of(wanted)) if isinstance(wanted, GoToManoeuvre) else Idle()
 
 
 def place_of(place: NedPosition) -> tuple[float, float, float]:
@@ -122,15 +122,15 @@ class Takeoff(Manoeuvre):
         self.heading = pilot.body.heading
         self.lift_at = pilot.time + (pilot.spin_up if pilot.body.grounded else 0.0)
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return no motion while the motors spin up, then upwards."""
         if pilot.time < self.lift_at:
-            return Aim(thrust=False)
+            return MotionTarget(thrust=False)
         wanted = aim_at(pilot, self, pilot.speeds.cruise, self.heading)
         self.done = abs(self.down - pilot.body.down) < 0.2
         if self.done:
             self.in_air_state = IN_AIR
-        return Aim(wanted.vn, wanted.ve, max(-pilot.speeds.takeoff, wanted.vd), self.heading)
+        return MotionTarget(wanted.vn, wanted.ve, max(-pilot.speeds.takeoff, wanted.vd), self.heading)
 
 
 class DriveManoeuvre(Manoeuvre):
@@ -149,10 +149,10 @@ class DriveManoeuvre(Manoeuvre):
         self.turn_rate = turn_rate
         self.until = until
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return the velocity within the vehicle's own limits."""
         if pilot.time > self.until:
-            return Aim()
+            return MotionTarget()
         vn, ve, vd = self.velocity
         speed = math.hypot(vn, ve)
         share = min(1.0, pilot.speeds.top / speed) if speed > 0.0 else 1.0
@@ -161,7 +161,7 @@ class DriveManoeuvre(Manoeuvre):
             left = math.remainder(math.atan2(ve, vn) - pilot.body.heading, math.tau)
             rate = max(-_NOSE_RATE, min(_NOSE_RATE, 2.0 * left))
         vd = max(-pilot.speeds.climb, min(pilot.speeds.sink, vd))
-        return Aim(vn * share, ve * share, vd, self.heading, rate or 0.0)
+        return MotionTarget(vn * share, ve * share, vd, self.heading, rate or 0.0)
 
 
 class Turn(Manoeuvre):
@@ -173,14 +173,14 @@ class Turn(Manoeuvre):
         self._rate = rate
         self._direction = direction
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return the motion that stays and turns."""
         stay = self._stay.aim(pilot)
         left = math.remainder(self._heading - pilot.body.heading, math.tau)
         if abs(left) < 0.05 or self._direction == 0:
             self._direction = 0
-            return Aim(stay.vn, stay.ve, stay.vd, self._heading)
-        return Aim(stay.vn, stay.ve, stay.vd, None, math.copysign(self._rate, self._direction))
+            return MotionTarget(stay.vn, stay.ve, stay.vd, self._heading)
+        return MotionTarget(stay.vn, stay.ve, stay.vd, None, math.copysign(self._rate, self._direction))
 
 
 class Sink(Manoeuvre):
@@ -189,9 +189,9 @@ class Sink(Manoeuvre):
     def __init__(self, speed: float) -> None:
         self._speed = speed
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return straight down."""
-        return Aim(vd=self._speed, heading=pilot.body.heading)
+        return MotionTarget(vd=self._speed, heading=pilot.body.heading)
 
 
 class Land(Manoeuvre):
@@ -207,15 +207,15 @@ class Land(Manoeuvre):
         self.down = 0.0
         self.heading = pilot.body.heading
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return down at the autopilot's landing speed; idle after touch-down."""
         if pilot.body.grounded:
             self.done = True
-            return Aim(thrust=False)
+            return MotionTarget(thrust=False)
         fast, slow, slow_below = pilot.speeds.landing
-        flat = aim_at(pilot, self, pilot.speeds.cruise, None) if pilot.has_position else Aim()
+        flat = aim_at(pilot, self, pilot.speeds.cruise, None) if pilot.has_position else MotionTarget()
         vd = slow if pilot.body.height < slow_below else fast
-        return Aim(flat.vn, flat.ve, vd, self.heading)
+        return MotionTarget(flat.vn, flat.ve, vd, self.heading)
 
 
 class Return(Manoeuvre):
@@ -233,7 +233,7 @@ class Return(Manoeuvre):
         self._land_at: float | None = None
         self._land = Land(pilot) if pilot.land_detector.landed else None
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return the motion of the present leg."""
         if self._land is not None:
             self.done = self._land.done

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import all as mav
 from fleet_mavlink.sim.manoeuvres import GoToManoeuvre, Land, Manoeuvre, Takeoff, hold
 from fleet_mavlink.sim.mission_items import LOITER_TURNS, Item
 from fleet_mavlink.sim.missions import ACTIVE, COMPLETE, NOT_STARTED, PAUSED
-from fleet_mavlink.sim.physics import Aim
+from fleet_mavlink.sim.physics import MotionTarget
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
@@ -52,7 +52,7 @@ class LandThere(Manoeuvre):
         north, east, _ = place_of_item(pilot, item)
         self._legs: list[Manoeuvre] = [GoToManoeuvre(north, east, pilot.body.down)]
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return the motion to the position, then down."""
         if self._legs[0].done and not isinstance(self._legs[0], Land):
             self._legs[0] = Land(pilot)
@@ -68,7 +68,7 @@ class _Unlimited(Manoeuvre):
     def __init__(self, manoeuvre: Manoeuvre) -> None:
         self._manoeuvre = manoeuvre
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return the motion to the position."""
         return self._manoeuvre.aim(pilot)
 
@@ -83,7 +83,7 @@ class _CircleItem(Manoeuvre):
         self._bearing: float | None = None
         self._leg = GoToManoeuvre(self._centre[0] + abs(self._radius), self._centre[1], self._centre[2])
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return the motion to the circle, then to the position a little ahead on it."""
         if self._bearing is None and not self._leg.done:
             return self._leg.aim(pilot)
@@ -128,7 +128,7 @@ class MissionManoeuvre(Manoeuvre):
         self._leg: Manoeuvre = hold(pilot)
         self._leave_at: float | None = None
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return the motion of the item being flown."""
         missions = pilot.missions
         if not missions.loaded:  # cleared during the flight

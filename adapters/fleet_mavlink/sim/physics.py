@@ -9,7 +9,7 @@ from typing import NamedTuple
 GRAVITY = 9.81  # m/s2
 
 
-class Aim(NamedTuple):
+class MotionTarget(NamedTuple):
     """Motion that the autopilot requests.
 
     Velocity is m/s in NED. ``heading`` (radians from north) overrides ``turn_rate`` (radians per second,
@@ -63,7 +63,7 @@ class Body:
         """Horizontal speed, m/s."""
         return math.hypot(self.vn, self.ve)
 
-    def advance(self, aim: Aim, agility: Agility, drift: tuple[float, float], dt: float) -> None:
+    def advance(self, aim: MotionTarget, agility: Agility, drift: tuple[float, float], dt: float) -> None:
         """Advance by ``dt`` seconds (at most about 0.05); ``drift``: effect of the wind, m/s NE."""
         if aim.thrust:
             self._steer(aim, agility, dt)
@@ -83,7 +83,7 @@ class Body:
         """Stop on the ground."""
         self.down = self.vn = self.ve = self.vd = self.roll = self.pitch = 0.0
 
-    def _steer(self, aim: Aim, agility: Agility, dt: float) -> None:
+    def _steer(self, aim: MotionTarget, agility: Agility, dt: float) -> None:
         """Change velocity and heading towards the requested motion, within the limits."""
         dvn, dve = aim.vn - self.vn, aim.ve - self.ve
         change = math.hypot(dvn, dve)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, ClassVar
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.mission_flight import MissionManoeuvre, place_of_item
-from fleet_mavlink.sim.physics import Aim
-from fleet_mavlink.sim.plane_moves import CircleManoeuvre, LandingApproach, Pass, RunwayTakeoff
+from fleet_mavlink.sim.physics import MotionTarget
+from fleet_mavlink.sim.plane_moves import CircleManoeuvre, FlyOver, LandingApproach, RunwayTakeoff
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def _pass(pilot: Autopilot, item: Item) -> Manoeuvre:
-    return Pass(*place_of_item(pilot, item), pilot.passes_within)  # type: ignore[attr-defined]
+    return FlyOver(*place_of_item(pilot, item), pilot.passes_within)  # type: ignore[attr-defined]
 
 
 def _circle(pilot: Autopilot, item: Item) -> CircleManoeuvre:
@@ -33,7 +33,7 @@ def _to_height(pilot: Autopilot, item: Item) -> CircleManoeuvre:
 class _Stay(CircleManoeuvre):
     """A circle that is never done."""
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return the motion on the circle."""
         wanted = super().aim(pilot)
         self.done = False
@@ -52,7 +52,7 @@ class _CircleTurns(CircleManoeuvre):
         self._left = math.tau * item.p1
         self._seen: float | None = None
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return the motion on the circle, counting the turns once it is there."""
         wanted = super().aim(pilot)
         seen = math.atan2(pilot.body.east - self.east, pilot.body.north - self.north)

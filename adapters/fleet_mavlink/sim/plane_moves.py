@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from fleet_mavlink.sim.manoeuvres import LANDING, TAKING_OFF, GoToManoeuvre, Manoeuvre
-from fleet_mavlink.sim.physics import Aim
+from fleet_mavlink.sim.physics import MotionTarget
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
@@ -22,10 +22,10 @@ _SLOPE = 0.1  # gradient of an approach
 _AHEAD = 15.0  # m/s at the end of a transition
 
 
-def forward(pilot: Autopilot, speed: float, vd: float) -> Aim:
+def forward(pilot: Autopilot, speed: float, vd: float) -> MotionTarget:
     """Return the motion straight ahead."""
     heading = pilot.body.heading
-    return Aim(speed * math.cos(heading), speed * math.sin(heading), vd)
+    return MotionTarget(speed * math.cos(heading), speed * math.sin(heading), vd)
 
 
 def _vertical(pilot: Autopilot, down: float) -> float:
@@ -42,7 +42,7 @@ class CircleManoeuvre(GoToManoeuvre):
         super().__init__(north, east, down, speed=speed)
         self._radius = radius
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return the motion to the circle, and along it."""
         body, radius = pilot.body, abs(self._radius)
         north, east = body.north - self.north, body.east - self.east
@@ -51,23 +51,23 @@ class CircleManoeuvre(GoToManoeuvre):
         course = math.pi / 2 + math.atan(_PULL * off / radius)
         course = math.atan2(east, north) + math.copysign(course, self._radius)
         speed = self.speed or pilot.speeds.cruise
-        return Aim(speed * math.cos(course), speed * math.sin(course), _vertical(pilot, self.down))
+        return MotionTarget(speed * math.cos(course), speed * math.sin(course), _vertical(pilot, self.down))
 
 
-class Pass(GoToManoeuvre):
+class FlyOver(GoToManoeuvre):
     """Fly over a position, which counts as reached within ``within`` m."""
 
     def __init__(self, north: float, east: float, down: float, within: float) -> None:
         super().__init__(north, east, down)
         self._within = within
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return the motion straight to the position."""
         body = pilot.body
         north, east = self.north - body.north, self.east - body.east
         self.done = self.done or math.hypot(north, east) < self._within
         course, speed = math.atan2(east, north), self.speed or pilot.speeds.cruise
-        return Aim(speed * math.cos(course), speed * math.sin(course), _vertical(pilot, self.down))
+        return MotionTarget(speed * math.cos(course), speed * math.sin(course), _vertical(pilot, self.down))
 
 
 class RunwayTakeoff(Manoeuvre):
@@ -78,7 +78,7 @@ class RunwayTakeoff(Manoeuvre):
     def __init__(self, down: float) -> None:
         self.down = down
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return the roll, then the climb."""
         body, cruise = pilot.body, pilot.speeds.cruise
         self.done = body.down <= self.down
@@ -91,13 +91,13 @@ class Touchdown(Manoeuvre):
 
     in_air_state = LANDING
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return the flare; brake on the ground."""
         body = pilot.body
         if not body.grounded:
             return forward(pilot, pilot.speeds.cruise, _TOUCHES)
         self.done = body.speed < 0.5
-        return Aim(thrust=body.speed > 0.0)
+        return MotionTarget(thrust=body.speed > 0.0)
 
 
 class CircleDown(CircleManoeuvre):
@@ -109,12 +109,12 @@ class CircleDown(CircleManoeuvre):
         super().__init__(pilot.body.north, pilot.body.east, 0.0, radius)
         self._touchdown = Touchdown()
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return the circle, then the flare."""
         if pilot.body.height > _FLARES:
             around = super().aim(pilot)
             self.done = False
-            return Aim(around.vn, around.ve, pilot.speeds.landing[0])
+            return MotionTarget(around.vn, around.ve, pilot.speeds.landing[0])
         wanted = self._touchdown.aim(pilot)
         self.done = self._touchdown.done
         return wanted
@@ -131,7 +131,7 @@ class LandingApproach(Manoeuvre):
         self._left = math.inf
         self._touchdown = Touchdown()
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return the slope, then the flare."""
         body = pilot.body
         if body.height <= _FLARES:
@@ -143,7 +143,7 @@ class LandingApproach(Manoeuvre):
         course, speed = math.atan2(east, north), pilot.speeds.cruise
         above = body.height - max(_FLARES - 1.0, _SLOPE * self._left)
         vd = max(-pilot.speeds.climb, min(_GLIDES, 0.5 * above))
-        return Aim(speed * math.cos(course), speed * math.sin(course), vd)
+        return MotionTarget(speed * math.cos(course), speed * math.sin(course), vd)
 
 
 class Ahead(Manoeuvre):
@@ -152,6 +152,6 @@ class Ahead(Manoeuvre):
     def __init__(self, down: float) -> None:
         self._down = down
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return the motion straight ahead."""
         return forward(pilot, _AHEAD, _vertical(pilot, self._down))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from fleet_mavlink.sim.physics import GRAVITY, Agility, Aim, Body
+from fleet_mavlink.sim.physics import GRAVITY, Agility, Body, MotionTarget
 
 _BANK = math.radians(45.0)
 _PUSH = 4.0  # m/s2, of the propeller and of the brakes
@@ -19,7 +19,7 @@ class WingedBody(Body):
 
     slowest: float = 9.0
 
-    def advance(self, aim: Aim, agility: Agility, drift: tuple[float, float], dt: float) -> None:
+    def advance(self, aim: MotionTarget, agility: Agility, drift: tuple[float, float], dt: float) -> None:
         """Advance by ``dt`` seconds: turn to the requested velocity, fly along the nose."""
         speed, wanted = self.speed, math.hypot(aim.vn, aim.ve)
         if not self.grounded:
@@ -36,7 +36,7 @@ class WingedBody(Body):
         if self.down >= 0.0:
             self.vd, self.roll, self.pitch = min(0.0, self.vd), 0.0, 0.0
 
-    def _turn(self, aim: Aim, speed: float, dt: float) -> None:
+    def _turn(self, aim: MotionTarget, speed: float, dt: float) -> None:
         """Turn the nose towards the requested direction, as fast as the bank permits."""
         most = GRAVITY * math.tan(_BANK) / speed
         left = math.remainder(math.atan2(aim.ve, aim.vn) - self.heading, math.tau)
@@ -56,7 +56,7 @@ class VtolBody(WingedBody):
     hovers: bool = True
     slows: float = math.inf
 
-    def advance(self, aim: Aim, agility: Agility, drift: tuple[float, float], dt: float) -> None:
+    def advance(self, aim: MotionTarget, agility: Agility, drift: tuple[float, float], dt: float) -> None:
         """Advance by ``dt`` seconds."""
         if self.hovers:
             if self.speed > WING_SPEED:

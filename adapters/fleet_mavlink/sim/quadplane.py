@@ -15,7 +15,7 @@ from fleet_mavlink.sim.modes import GUIDED_BASE, FlightMode
 from fleet_mavlink.sim.parts import Parts
 from fleet_mavlink.sim.plane import MODES as PLANE_MODES
 from fleet_mavlink.sim.plane import PlaneArming, PlaneLandDetector, PlaneSpeeds, SimArduPlane
-from fleet_mavlink.sim.plane_moves import Ahead, CircleManoeuvre, Pass
+from fleet_mavlink.sim.plane_moves import Ahead, CircleManoeuvre, FlyOver
 from fleet_mavlink.sim.plane_physics import WING_SPEED, VtolBody
 from fleet_mavlink.sim.quadplane_commands import COMMANDS
 from fleet_mavlink.sim.speaker import INFO
@@ -168,7 +168,7 @@ class SimQuadPlane(SimArduPlane):
             self.hover()
             self.manoeuvre = GoToManoeuvre(north, east, down)
             return
-        approach = Pass(north, east, down, self.slows_within)
+        approach = FlyOver(north, east, down, self.slows_within)
         if body.hovers:
             self.go_forward(approach)
         else:
@@ -206,7 +206,7 @@ class SimQuadPlane(SimArduPlane):
                 else then
             )
         flown = self.manoeuvre
-        if self.mode.name == "GUIDED" and isinstance(flown, Pass) and flown.done:
+        if self.mode.name == "GUIDED" and isinstance(flown, FlyOver) and flown.done:
             self.hover()
             self.manoeuvre = GoToManoeuvre(flown.north, flown.east, flown.down)
         super().supervise()

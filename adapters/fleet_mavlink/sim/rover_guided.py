@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from fleet_mavlink.sim.manoeuvres import Manoeuvre
-from fleet_mavlink.sim.rover_moves import BRAKED, Coast, DriveToPosition, Roll
+from fleet_mavlink.sim.rover_moves import BRAKED, Coast, DriveAtSpeed, DriveToPosition
 from fleet_mavlink.sim.setpoints import ReceivedSetpoint, SetpointControl, setpoint_of
 
 if TYPE_CHECKING:
@@ -40,9 +40,9 @@ class RoverGuided(SetpointControl):
             return Coast(BRAKED)
         until = pilot.time + pilot.params["GUID_TIMEOUT"]
         if rate is not None:
-            return Roll(math.copysign(speed, vx), None, rate, until)
+            return DriveAtSpeed(math.copysign(speed, vx), None, rate, until)
         heading = math.atan2(vy, vx) + (pilot.body.heading if setpoint.frame in _BODY_FRAMES else 0.0)
-        return Roll(speed, heading, 0.0, until)
+        return DriveAtSpeed(speed, heading, 0.0, until)
 
     def _to_place(self, setpoint: ReceivedSetpoint) -> Manoeuvre:
         """Return the drive to a position: global above home, or local."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.mission_flight import MissionManoeuvre
-from fleet_mavlink.sim.physics import Aim
+from fleet_mavlink.sim.physics import MotionTarget
 from fleet_mavlink.sim.rover_moves import BRAKED, Coast, DriveToPosition
 from fleet_mavlink.sim.speaker import INFO
 
@@ -47,7 +47,7 @@ class DriveMission(MissionManoeuvre):
         super().__init__(pilot)
         self._leg = Coast(BRAKED)
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return the drive of the item; report once that there is none left."""
         before = self.done
         wanted = super().aim(pilot)

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, cast
 
 from fleet_mavlink.sim.manoeuvres import GoToManoeuvre, Manoeuvre
-from fleet_mavlink.sim.physics import Aim
+from fleet_mavlink.sim.physics import MotionTarget
 from fleet_mavlink.sim.speaker import WARNING
 
 if TYPE_CHECKING:
@@ -26,13 +26,13 @@ class Coast(Manoeuvre):
     def __init__(self, easing: float) -> None:
         self._easing = easing
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return no motion."""
         pilot.body.easing = self._easing  # type: ignore[attr-defined]
-        return Aim()
+        return MotionTarget()
 
 
-class Roll(Coast):
+class DriveAtSpeed(Coast):
     """Drive at a speed, to a heading or at a yaw rate, until the setpoint is too old.
 
     A negative speed is in reverse.
@@ -46,7 +46,7 @@ class Roll(Coast):
         self._until = until
         self._reported = False
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return the drive; after 3 s without a setpoint it reports that and brakes."""
         if pilot.time > self._until:
             if not self._reported:
@@ -57,7 +57,9 @@ class Roll(Coast):
         body.backwards = self._speed < 0.0  # type: ignore[attr-defined]
         heading = body.heading if self._heading is None else self._heading
         speed = self._speed * _OVERSHOOT
-        return Aim(speed * math.cos(heading), speed * math.sin(heading), 0.0, self._heading, self._rate)
+        return MotionTarget(
+            speed * math.cos(heading), speed * math.sin(heading), 0.0, self._heading, self._rate
+        )
 
 
 class DriveToPosition(GoToManoeuvre):
@@ -66,12 +68,12 @@ class DriveToPosition(GoToManoeuvre):
     def __init__(self, north: float, east: float) -> None:
         super().__init__(north, east, 0.0)
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return the drive towards the position; it stops within 0.4 m."""
         rover = cast("SimArduRover", pilot)
         body = rover.body
         body.backwards, body.easing = rover.reversed, 0.0
         there = self.done or math.hypot(self.north - body.north, self.east - body.east) < _THERE
-        wanted = Aim() if there else super().aim(pilot)
+        wanted = MotionTarget() if there else super().aim(pilot)
         self.done = there  # not that of a copter, which is wider
         return wanted

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from fleet_mavlink.sim.physics import Agility, Aim, Body
+from fleet_mavlink.sim.physics import Agility, Body, MotionTarget
 
 _TURN_SPEED = 0.3  # m/s; below it the wheels hardly turn the vehicle
 _TURN_GAIN = 2.0  # 1/s
@@ -23,7 +23,7 @@ class WheeledBody(Body):
     backwards: bool = False
     skid: bool = False
 
-    def advance(self, aim: Aim, agility: Agility, drift: tuple[float, float], dt: float) -> None:  # noqa: ARG002
+    def advance(self, aim: MotionTarget, agility: Agility, drift: tuple[float, float], dt: float) -> None:  # noqa: ARG002
         """Advance by ``dt`` seconds: turn to the requested velocity, drive along the nose."""
         wanted = math.hypot(aim.vn, aim.ve) * (-1.0 if self.backwards else 1.0)
         self.turn_rate = self._turning(aim, wanted, agility)
@@ -37,7 +37,7 @@ class WheeledBody(Body):
         self.north += self.vn * dt
         self.east += self.ve * dt
 
-    def _turning(self, aim: Aim, wanted: float, agility: Agility) -> float:
+    def _turning(self, aim: MotionTarget, wanted: float, agility: Agility) -> float:
         """Return the turn rate, rad/s: on steered wheels it must move to turn."""
         rate = aim.turn_rate
         if wanted and not rate:

@@ -9,9 +9,9 @@ from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.manoeuvres import GoToManoeuvre, Land, Manoeuvre
 from fleet_mavlink.sim.mission_flight import LandThere, MissionManoeuvre, place_of_item
-from fleet_mavlink.sim.physics import Aim
+from fleet_mavlink.sim.physics import MotionTarget
 from fleet_mavlink.sim.plane_mission import WingedMission
-from fleet_mavlink.sim.plane_moves import Pass
+from fleet_mavlink.sim.plane_moves import FlyOver
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
@@ -23,12 +23,12 @@ class _LandByRotors(Manoeuvre):
 
     def __init__(self, pilot: Autopilot, item: Item) -> None:
         north, east, _ = place_of_item(pilot, item)
-        self._leg: Manoeuvre = Pass(north, east, pilot.body.down, pilot.slows_within)  # type: ignore[attr-defined]
+        self._leg: Manoeuvre = FlyOver(north, east, pilot.body.down, pilot.slows_within)  # type: ignore[attr-defined]
         self._above = GoToManoeuvre(north, east, pilot.body.down)
 
-    def aim(self, pilot: Autopilot) -> Aim:
+    def aim(self, pilot: Autopilot) -> MotionTarget:
         """Return the motion of the present leg."""
-        if self._leg.done and isinstance(self._leg, Pass):
+        if self._leg.done and isinstance(self._leg, FlyOver):
             self._leg = self._above
             pilot.hover()  # type: ignore[attr-defined]
         elif self._leg.done and self._leg is self._above:

@@ -10,7 +10,7 @@ import msgspec
 
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.lowering import Lowering
-from fleet_quadruped.body.measured import ZEROS, Sense, Targets
+from fleet_quadruped.body.measured import ZEROS, BodyMeasurement, Targets
 from fleet_quadruped.body.motion import PostureMotion, folding, rising, sitting
 from fleet_quadruped.body.posing import JointGoal, Posing
 from fleet_quadruped.body.probing import probing_motion
@@ -76,7 +76,7 @@ class BodyStateMachine:
 
     # -- requests -------------------------------------------------------------------------------------
 
-    def request(self, request: BodyRequest, value: float, sense: Sense) -> str:
+    def request(self, request: BodyRequest, value: float, sense: BodyMeasurement) -> str:
         """Accept a request; return the reason of a refusal, empty if it is accepted or already met."""
         if self.mode in ALREADY.get(request, ()):
             return ""
@@ -152,7 +152,7 @@ class BodyStateMachine:
 
     # -- one cycle -----------------------------------------------------------------------------------
 
-    def step(self, dt: float, sense: Sense, twist: Twist, waiting: str) -> BodyOutput:
+    def step(self, dt: float, sense: BodyMeasurement, twist: Twist, waiting: str) -> BodyOutput:
         """Return the targets of a cycle; ``waiting`` names a drive that is not enabled, empty without one."""
         self._since += dt
         return self._STEPS[self.mode](self, dt, sense, twist, waiting)
@@ -162,11 +162,11 @@ class BodyStateMachine:
         self.mode, self._since, self._motion, self._lowering = mode, 0.0, None, None
         self.posing = None
 
-    def _off(self, _dt: float, _sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
+    def _off(self, _dt: float, _sense: BodyMeasurement, _twist: Twist, _waiting: str) -> BodyOutput:
         action, self._reset = (DriveAction.RESET if self._reset else DriveAction.REST), False
         return _nothing(action)
 
-    def _enabling(self, _dt: float, sense: Sense, _twist: Twist, waiting: str) -> BodyOutput:
+    def _enabling(self, _dt: float, sense: BodyMeasurement, _twist: Twist, waiting: str) -> BodyOutput:
         if not waiting:
             self._enter(self._after)
             return BodyOutput(DriveAction.HOLD, Targets(sense.angles, ZEROS, ZEROS))
@@ -176,7 +176,7 @@ class BodyStateMachine:
             return _nothing(DriveAction.REST)
         return _nothing(DriveAction.ENABLE)
 
-    def _rising(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
+    def _rising(self, dt: float, sense: BodyMeasurement, _twist: Twist, _waiting: str) -> BodyOutput:
         self._motion = self._motion or rising(self._dog, sense.angles, self._dog.gait.height)
         targets = self._motion.step(dt)
         if self._motion.done:
@@ -184,12 +184,12 @@ class BodyStateMachine:
             self._enter(BodyMode.STANDING)
         return BodyOutput(DriveAction.HOLD, targets)
 
-    def _upright(self, dt: float, sense: Sense, twist: Twist, _waiting: str) -> BodyOutput:
+    def _upright(self, dt: float, sense: BodyMeasurement, twist: Twist, _waiting: str) -> BodyOutput:
         targets = self.walker.step(dt, twist, sense)
         self.mode = BodyMode.WALKING if self.walker.walking else BodyMode.STANDING
         return BodyOutput(DriveAction.HOLD, targets)
 
-    def _posed(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
+    def _posed(self, dt: float, sense: BodyMeasurement, _twist: Twist, _waiting: str) -> BodyOutput:
         """Hold a posture; move joints towards their targets while there are any."""
         posing = self.posing = self.posing or Posing(self._dog, sense.angles, stands=False)
         base = Targets(posing.start, ZEROS, ZEROS)
@@ -202,7 +202,7 @@ class BodyStateMachine:
             self._enter(BodyMode.STANDING)
         return BodyOutput(DriveAction.HOLD, targets)
 
-    def _sitting(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
+    def _sitting(self, dt: float, sense: BodyMeasurement, _twist: Twist, _waiting: str) -> BodyOutput:
         if self._motion is None and self._before in _NOT_WALKED:  # the walker has no foot positions here
             self._motion = folding(self._dog, sense.angles, self._dog.poses.sit_time)
         if self._motion is None and self.walker.walking and self._since < self.walker.time_to_stand:
@@ -213,12 +213,12 @@ class BodyStateMachine:
             self._enter(BodyMode.SETTLING)
         return BodyOutput(DriveAction.HOLD, targets)
 
-    def _settling(self, _dt: float, _sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
+    def _settling(self, _dt: float, _sense: BodyMeasurement, _twist: Twist, _waiting: str) -> BodyOutput:
         if self._since > _SETTLE_TIME:
             self._enter(BodyMode.OFF)
         return _nothing(DriveAction.DAMP)
 
-    def _damped(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
+    def _damped(self, dt: float, sense: BodyMeasurement, _twist: Twist, _waiting: str) -> BodyOutput:
         """Lower the robot; one that lay on the ground at the stop is only damped."""
         if self._before in _LIES:
             if self._since > self._dog.safety.damp_time:
@@ -237,7 +237,7 @@ class BodyStateMachine:
             self._enter(BodyMode.OFF)
         return BodyOutput(DriveAction.LOWER, targets)
 
-    def _recovering(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
+    def _recovering(self, dt: float, sense: BodyMeasurement, _twist: Twist, _waiting: str) -> BodyOutput:
         """Rise if upright; else roll over."""
         motion = self._motion = self._motion or self.recovery.begin(sense.angles)
         targets = motion.step(dt)
@@ -253,7 +253,7 @@ class BodyStateMachine:
             self.trip(Trip(StopStage.DAMP, cause))
         return BodyOutput(DriveAction.HOLD, targets)
 
-    def _checking(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
+    def _checking(self, dt: float, sense: BodyMeasurement, _twist: Twist, _waiting: str) -> BodyOutput:
         self._motion = self._motion or probing_motion(self._dog, sense.angles)
         targets = self._motion.step(dt)
         if self._motion.done:
@@ -264,7 +264,7 @@ class BodyStateMachine:
         return BodyOutput(DriveAction.HOLD, targets)
 
     _STEPS: ClassVar[
-        Mapping[BodyMode, Callable[[BodyStateMachine, float, Sense, Twist, str], BodyOutput]]
+        Mapping[BodyMode, Callable[[BodyStateMachine, float, BodyMeasurement, Twist, str], BodyOutput]]
     ] = {
         BodyMode.OFF: _off,
         BodyMode.ENABLING: _enabling,

@@ -41,7 +41,7 @@ class MeasuredImu(NamedTuple):
         return math.acos(max(-1.0, min(1.0, self.up)))
 
 
-class Sense(msgspec.Struct, frozen=True, gc=False):
+class BodyMeasurement(msgspec.Struct, frozen=True, gc=False):
     """Joint angles (rad), speeds (rad/s), and a fresh measurement of the IMU if there is one.
 
     ``braked``: why the robot cannot be lowered now (a drive brakes on its own, a bus is silent); else empty.

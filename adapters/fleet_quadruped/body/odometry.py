@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from fleet import Vector3, wrap_angle
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.legs import DogLeg, Reached
-from fleet_quadruped.body.measured import Sense
+from fleet_quadruped.body.measured import BodyMeasurement
 from fleet_quadruped.robot.description import leg_angles
 
 Planar = tuple[float, float, float, float]  # foot position x, y (m) and velocity x, y (m/s), body frame
@@ -34,7 +34,11 @@ class LegOdometry:
         self.reached: dict[int, Reached] = {}
 
     def update(
-        self, dt: float, sense: Sense, loads: Sequence[float], sway: tuple[float, float] = (0.0, 0.0)
+        self,
+        dt: float,
+        sense: BodyMeasurement,
+        loads: Sequence[float],
+        sway: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         """Advance by the motion of the standing feet, each weighted by its load.
 
@@ -58,12 +62,12 @@ class LegOdometry:
         self.x += (cos * seen.x - sin * seen.y) * dt
         self.y += (sin * seen.x + cos * seen.y) * dt
 
-    def _turn(self, dt: float, sense: Sense, rate: float) -> None:
+    def _turn(self, dt: float, sense: BodyMeasurement, rate: float) -> None:
         """Take the heading from the IMU; without one, integrate the rate."""
         imu = sense.imu
         self.yaw = wrap_angle(self.yaw + rate * dt) if imu is None else imu.rotation.yaw
 
-    def _motion(self, number: int, sense: Sense, gyro: Vector3 | None) -> Planar:
+    def _motion(self, number: int, sense: BodyMeasurement, gyro: Vector3 | None) -> Planar:
         """Return the position of a foot, and the velocity of its contact point caused by the joints."""
         leg = self._legs[number]
         angles = leg_angles(sense.angles, number)

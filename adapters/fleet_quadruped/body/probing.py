@@ -19,7 +19,7 @@ _SHIFT = 0.11  # of the leg's length
 _TILT, _TURN = 0.18, 0.22  # rad
 
 
-class Lean(NamedTuple):
+class TrunkPose(NamedTuple):
     """Position of the trunk relative to its crouch: m and rad; ``up`` is the height of the hips."""
 
     up: float
@@ -30,19 +30,19 @@ class Lean(NamedTuple):
     yaw: float = 0.0
 
 
-def lean_tests(dog: DogDescription) -> tuple[Lean, ...]:
+def lean_tests(dog: DogDescription) -> tuple[TrunkPose, ...]:
     """Return the trunk positions of the check, the lowest first."""
     gait, shift = dog.gait, _SHIFT * (dog.geometry.thigh + dog.geometry.calf)
     low = gait.lowest
     middle = (low + gait.height) / 2
     offsets = [{"x": shift}, {"y": shift}, {"roll": _TILT}, {"pitch": _TILT}, {"yaw": _TURN}]
     there = [
-        Lean(middle, **{name: side * value})
+        TrunkPose(middle, **{name: side * value})
         for offset in offsets
         for name, value in offset.items()
         for side in (1, -1)
     ]
-    return (Lean(low), Lean(middle), *there, Lean(gait.height), Lean(low))
+    return (TrunkPose(low), TrunkPose(middle), *there, TrunkPose(gait.height), TrunkPose(low))
 
 
 def look_times(dog: DogDescription) -> tuple[float, ...]:
@@ -67,16 +67,16 @@ def probing_motion(dog: DogDescription, start: Twelve) -> PostureMotion:
     return PostureMotion(start, segments)
 
 
-def _move(dog: DogDescription, before: Lean, after: Lean) -> Segment:
+def _move(dog: DogDescription, before: TrunkPose, after: TrunkPose) -> Segment:
     """Return the path of the trunk from one position to another."""
 
     def path(share: float) -> Twelve:
-        return lean_angles(dog, Lean(*(a + (b - a) * share for a, b in zip(before, after, strict=True))))
+        return lean_angles(dog, TrunkPose(*(a + (b - a) * share for a, b in zip(before, after, strict=True))))
 
     return Segment(MOVE_TIME, lean_angles(dog, after), path)
 
 
-def lean_angles(dog: DogDescription, lean: Lean) -> Twelve:
+def lean_angles(dog: DogDescription, lean: TrunkPose) -> Twelve:
     """Return the joint angles for a trunk position, with the feet below the hips of a level trunk."""
     rotation = quaternion_from_euler(lean.roll, lean.pitch, lean.yaw)
     angles: list[float] = []

@@ -7,7 +7,7 @@ import math
 from fleet_quadruped.body.balance import GRAVITY
 from fleet_quadruped.body.gait import GaitSteps, Twist
 from fleet_quadruped.body.legs import LegPoint
-from fleet_quadruped.body.measured import Sense, Targets
+from fleet_quadruped.body.measured import BodyMeasurement, Targets
 from fleet_quadruped.body.odometry import LegOdometry
 from fleet_quadruped.body.pattern import trot, walk
 from fleet_quadruped.body.velocity_ramp import limited, ramped, within
@@ -68,7 +68,7 @@ class Walker:
         """Longest time (s) until it stands with all feet in place, in its present gait."""
         return self._dog.time_to_stand(self._taken)
 
-    def step(self, dt: float, wanted: Twist, sense: Sense) -> Targets:
+    def step(self, dt: float, wanted: Twist, sense: BodyMeasurement) -> Targets:
         """Return the joint targets after ``dt`` seconds; a change of gait waits until the robot stands."""
         pattern, pace = self._patterns[self.gait]
         if self._steps.choose(pattern):
@@ -101,7 +101,7 @@ class Walker:
             within(added.turn + share * (wanted.turn - seen.turn), _CORRECTION),
         )
 
-    def _targets(self, dt: float, feet: list[LegPoint], sense: Sense) -> Targets:
+    def _targets(self, dt: float, feet: list[LegPoint], sense: BodyMeasurement) -> Targets:
         """Return the joint targets for the feet: angles, speeds, and torques that carry the weight."""
         angles: list[float] = []
         for leg, (x, y, z) in zip(self._dog.legs, feet, strict=True):
@@ -112,7 +112,7 @@ class Walker:
         speeds = tuple([(now - then) / dt for now, then in zip(posture, before, strict=True)])
         return Targets(posture, speeds, self._carrying(sense))
 
-    def _carrying(self, sense: Sense) -> Twelve:
+    def _carrying(self, sense: BodyMeasurement) -> Twelve:
         """Return the torques that carry the weight on the standing feet and push the body over them."""
         weight = self._dog.robot.mass * GRAVITY
         ahead, aside = self._steps.balance.push(self.height)

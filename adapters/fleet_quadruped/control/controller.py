@@ -9,7 +9,7 @@ from fleet import CanBus, CanFrame, LinkLost, quaternion_from_yaw
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.height import height_of
 from fleet_quadruped.body.machine import BodyStateMachine
-from fleet_quadruped.body.measured import Sense
+from fleet_quadruped.body.measured import BodyMeasurement
 from fleet_quadruped.can.bus_guard import BusAddress
 from fleet_quadruped.control.drive_summaries import failed, holding, not_enabled, silent_bus, silent_joint
 from fleet_quadruped.control.lamp import Lamp
@@ -101,7 +101,7 @@ class Controller:
         self._check_link(now)
         self._sensors.update(now)
         braked = self._braked() if self.body.mode is BodyMode.DAMPED else ""
-        sense = Sense(self._joints.angles, self._joints.speeds, self._sensors.imu, braked)
+        sense = BodyMeasurement(self._joints.angles, self._joints.speeds, self._sensors.imu, braked)
         self._off.update(self._joints, dt, off=self.body.mode is BodyMode.OFF)
         self._trip = self._monitor.check(self._observed(now, dt))
         if self._trip is not None:

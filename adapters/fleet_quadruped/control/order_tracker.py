@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from fleet_quadruped.body.machine import BodyStateMachine
-from fleet_quadruped.body.measured import Sense
+from fleet_quadruped.body.measured import BodyMeasurement
 from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.control.orders import Order
 from fleet_quadruped.safety.stages import EMERGENCY_STOP, REQUESTED_TO_LEAVE, BodyMode, StopStage, Trip
@@ -29,7 +29,9 @@ class OrderTracker:
         self._body = body
         self._abandoned = abandoned  # s of silence of the host after which the robot sits down
 
-    def execute_order(self, order: Order, now: float, sense: Sense, unfit: Callable[[], str]) -> None:
+    def execute_order(
+        self, order: Order, now: float, sense: BodyMeasurement, unfit: Callable[[], str]
+    ) -> None:
         """Execute the activity, then halt and stop, which so take precedence, then sit down without a host.
 
         ``unfit`` returns why the drives cannot be enabled now; empty if they can.

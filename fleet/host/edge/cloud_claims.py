@@ -16,7 +16,7 @@ import msgspec
 log = logging.getLogger(__name__)
 
 
-class Claimed(Protocol):
+class ClaimableRobot(Protocol):
     """A robot whose twin may be claimed, here or in a worker."""
 
     name: str
@@ -35,7 +35,7 @@ class CloudClaims:
 
     def __init__(
         self,
-        robots: dict[str, Claimed],
+        robots: dict[str, ClaimableRobot],
         *,
         hold: Callable[[str, str], None],
         tell: Callable[[bytes], None],
@@ -52,7 +52,7 @@ class CloudClaims:
         said = (f"edge {edge} says in the cloud that it has {robot}" for robot, edge in self._doubted.items())
         return "; ".join(said) + " (not believed: it is in use here)" if self._doubted else ""
 
-    def join(self, twin: str, robot: Claimed) -> None:
+    def join(self, twin: str, robot: ClaimableRobot) -> None:
         """Accept claims on one more twin, or on a twin that another robot has now."""
         if before := self._robots.get(twin):
             self._doubted.pop(before.name, None)

@@ -19,8 +19,8 @@ from fleet.errors import Refused
 from fleet.host.edge.start_requests import StartRequests
 from fleet.missions.report import MissionStartRequest, RunControlRequest, RunState, ended_state
 from fleet.missions.runs import Runs, check_run_id
-from fleet.missions.state import Head, RunMember, RunOutcome
-from fleet.missions.store import About
+from fleet.missions.state import RunHead, RunMember, RunOutcome
+from fleet.missions.store import RunOrigin
 from fleet.model.command import Transport
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.wire.rules import WORKFLOW_CANCEL, WORKFLOW_FINISHED, WORKFLOW_RUN, WORKFLOW_STARTED
@@ -110,7 +110,7 @@ class CloudWorkflows:
         workflow: str,
         requested: WorkflowRequest,
         refusal: str,
-        ended: tuple[About, Head, list[RunMember]] | None,
+        ended: tuple[RunOrigin, RunHead, list[RunMember]] | None,
     ) -> None:
         """Publish why a run was not started; for an ended run, its end again. From any thread."""
         if ended is not None and ended[0].workflow == workflow:

@@ -14,7 +14,7 @@ from fleet.clock import Clock
 from fleet.config.other_edges import PartnerConfig
 from fleet.host.safety.admission import LEAVE
 from fleet.host.safety.source_policy import SourcePolicy
-from fleet.missions.coordination import CoordinatorLeases, Lapsed, LeaseAnswer, RobotLeaseRequest
+from fleet.missions.coordination import CoordinatorLeases, ExpiredLease, LeaseAnswer, RobotLeaseRequest
 from fleet.missions.run import RunPort
 from fleet.missions.run_robots import COMES_DOWN
 from fleet.model.command import Origin, Reply, Transport
@@ -101,7 +101,7 @@ class Coordinators:
                 return f"{robot}: {refusal}"
         return ""
 
-    def _secure(self, lapsed: Lapsed) -> None:
+    def _secure(self, lapsed: ExpiredLease) -> None:
         """Make a robot safe whose coordinator is silent; one that has left the run is not touched."""
         robot = self._robots.get(lapsed.robot)
         if robot is None:  # it was removed from this edge meanwhile
@@ -120,7 +120,7 @@ class Coordinators:
         if lapsed.do != "hold":  # else it is landing already, which only makes it safer
             self._request(robot, lapsed.do, lapsed)
 
-    def _request(self, robot: RunPort, command: str, lapsed: Lapsed) -> None:
+    def _request(self, robot: RunPort, command: str, lapsed: ExpiredLease) -> None:
         """Command a robot in the name of this edge; if it refuses, stop it."""
 
         def answered(reply: Reply) -> None:

@@ -19,8 +19,8 @@ from fleet.host.edge.start_requests import StartRequests
 from fleet.missions.filling import mission_state
 from fleet.missions.report import Controlled, MissionStartRequest, RunControlRequest, Started, ended_state
 from fleet.missions.runs import Runs
-from fleet.missions.state import Head, RunMember
-from fleet.missions.store import About, RunLogEntry, RunStore
+from fleet.missions.state import RunHead, RunMember
+from fleet.missions.store import RunLogEntry, RunOrigin, RunStore
 from fleet.model.command import Transport
 from fleet.runtime.decoding import decode_json
 
@@ -141,7 +141,7 @@ class MissionQueries:
                 question.reply(_encode(state), keys.run(self._edge, state.run))
         shown = {state.run for state in active}
 
-        def ended(found: list[tuple[About, Head, list[RunMember]]]) -> None:
+        def ended(found: list[tuple[RunOrigin, RunHead, list[RunMember]]]) -> None:
             for about, head, members in found:
                 if about.run not in shown and ("*" in run or about.run == run):
                     state = ended_state(about, head, members, self._edge)

@@ -31,12 +31,12 @@ from fleet.missions.filling import Filling
 from fleet.missions.program import Program
 from fleet.missions.rehearsal import (
     FRESH,
-    Passed,
     Present,
     RehearsalNote,
     RehearsalPoll,
     RehearsalResult,
     RehearsalState,
+    StoredPass,
     TrackPoint,
     digest,
     program_digest,
@@ -68,7 +68,7 @@ class _PassesFile(msgspec.Struct, frozen=True):
     """Content of the file of passes."""
 
     format: int
-    passes: list[Passed]
+    passes: list[StoredPass]
 
 
 class Rehearsals:
@@ -152,7 +152,7 @@ class Rehearsals:
             request.session_id,
         )
         places = {name: place_of(states[name]) for names in roles.values() for name in names}
-        passed = Passed(
+        passed = StoredPass(
             mission.name,
             program_digest(program),
             self._config,
@@ -176,7 +176,7 @@ class Rehearsals:
         question.reply(_encode(state))
         question.close()
 
-    async def _keep(self, passed: Passed) -> None:
+    async def _keep(self, passed: StoredPass) -> None:
         """Store a pass, on disk for the next process of this edge."""
         self._passes = [*self._passes, passed][-KEPT:]
         try:
@@ -302,12 +302,12 @@ def _task_of(loaded: Loaded, at: int) -> RobotTask:
     return RobotTask(config.name, plugin.name, file, loaded.given[config.name])
 
 
-def read_passes(path: Path) -> list[Passed]:
+def read_passes(path: Path) -> list[StoredPass]:
     """Return the passes of an earlier process; none if they cannot be read."""
     try:
         data = path.read_bytes()
         if data.startswith(b"["):  # of a fleet before format 1
-            return decode_json(data, list[Passed])
+            return decode_json(data, list[StoredPass])
         refuse_newer(format_of(data), FORMAT)
         return decode_json(data, _PassesFile).passes
     except FileNotFoundError:

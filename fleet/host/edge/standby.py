@@ -30,9 +30,9 @@ from fleet.host.runtime.threads import run_in_thread
 from fleet.link.gate import GATE, LinkGate, boot_time
 from fleet.model.command import Reply, ReplyStatus
 from fleet.robot_config import AdapterConfig
-from fleet.standby.bound import Bound, motion_from
+from fleet.standby.bound import MotionBound, motion_from
 from fleet.standby.keeper import LeaseKeeper
-from fleet.standby.lease import Lease, LeaseEntry, LeaseState, Takeover, Terms
+from fleet.standby.lease import Lease, LeaseEntry, LeaseState, LeaseTimes, Takeover
 from fleet.standby.store import LeaseStore, ServiceSettings
 
 log = logging.getLogger(__name__)
@@ -79,7 +79,7 @@ class Standby:
         self._stops = PairStops(self._other, process.robots, process.bus.control, process.clock)
         self._serve = serve
         self._serving: asyncio.Task[None] | None = None
-        self._terms = Terms()
+        self._terms = LeaseTimes()
         run = f"{self._edge}-{os.getpid()}-{uuid.uuid4().hex[:12]}"
         self.file = digest_of(loaded)  # both edges must agree on it
         lease = Lease(self._edge, run, self._terms, self.file)
@@ -302,9 +302,9 @@ def part_in_pair(
     return Unpaired(serve) if gate is None else Standby(loaded, gate, process, serve=serve)
 
 
-def bound_of(config: AdapterConfig) -> Bound:
+def bound_of(config: AdapterConfig) -> MotionBound:
     """Return how long a robot may keep moving without its edge."""
-    return Bound(config.setpoint_lease, config.failsafe_after)
+    return MotionBound(config.setpoint_lease, config.failsafe_after)
 
 
 def _is_reached(robot: LocalRobot) -> bool:

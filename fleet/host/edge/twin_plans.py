@@ -36,8 +36,8 @@ from fleet.missions.program import Do, Program
 from fleet.missions.report import MissionStartRequest, RunControlRequest, RunState, ended_state
 from fleet.missions.run import Run
 from fleet.missions.runs import Runs, check_run_id
-from fleet.missions.state import Head, Phase, RunMember, RunOutcome
-from fleet.missions.store import About
+from fleet.missions.state import Phase, RunHead, RunMember, RunOutcome
+from fleet.missions.store import RunOrigin
 from fleet.model.command import Answer, Origin, Reply, ReplyStatus, Request, Transport
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.model.navigation import MISSION, ActionState, Control, Navigate
@@ -203,7 +203,7 @@ class TwinPlans:
             self._soon(partial(self._accepted, robot, run, not roles, answer))
             return
 
-        def looked(ended: tuple[About, Head, list[RunMember]] | None) -> None:
+        def looked(ended: tuple[RunOrigin, RunHead, list[RunMember]] | None) -> None:
             self._soon(partial(self._refused, robot, request, refusal, ended, answer))
 
         self._runs.store.ended_run(request.action_id, looked)
@@ -219,7 +219,7 @@ class TwinPlans:
         robot: RobotPort,
         request: Navigate,
         refusal: str,
-        ended: tuple[About, Head, list[RunMember]] | None,
+        ended: tuple[RunOrigin, RunHead, list[RunMember]] | None,
         answer: Answer,
     ) -> None:
         """Refuse a start; for an ended run, publish its end again."""

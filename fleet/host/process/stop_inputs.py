@@ -30,7 +30,7 @@ import msgspec
 from fleet.clock import Clock
 from fleet.config.schema import StopInputConfig
 from fleet.host.process.heartbeat_devices import open_device
-from fleet.host.runtime.watchdog import Watched
+from fleet.host.runtime.watchdog import WatchedRobot
 from fleet.host.safety.deadman import DeadMan
 from fleet.host.safety.emergency_stop import EmergencyStopLatch
 from fleet.runtime.decoding import decode_json
@@ -88,9 +88,9 @@ class StopInput:
             self._thread.join(timeout=1.0)
         self._deadman.clear()
 
-    def watched(self) -> Watched:
+    def watched(self) -> WatchedRobot:
         """Return the entry for the watchdog, which detects the silence."""
-        return Watched(self._deadman, halt=lambda: None, expired=self._silent)
+        return WatchedRobot(self._deadman, halt=lambda: None, expired=self._silent)
 
     def _feed(self) -> None:
         """Permit motion for one more time-out."""
@@ -227,7 +227,7 @@ class StopInputs:
         """Problem of the inputs; empty while all heartbeats are present."""
         return "; ".join(one.trouble for one, _ in self._inputs if one.trouble)
 
-    def start(self, watch: Callable[[str, Watched], None]) -> None:
+    def start(self, watch: Callable[[str, WatchedRobot], None]) -> None:
         """Start listening; ``watch`` registers each input with the watchdog."""
         for one, _ in self._inputs:
             watch(f"stop input {one.name}", one.watched())

@@ -20,9 +20,9 @@ from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.errors import Fault, LinkError, LinkLost, LinkRefused, NotReady
 from fleet.host.robot.controller import RobotController
+from fleet.host.robot.failure_counter import FAILURE_WINDOW, MOST_FAILURES, FailureCounter
 from fleet.host.robot.robot_handle import RobotHandle
 from fleet.host.robot.run_health import RunHealth
-from fleet.host.robot.strikes import STRIKE_WINDOW, STRIKES, Strikes
 from fleet.host.runtime.cancellation import result_of, retrieve_exception
 from fleet.model.health import Health, Level
 from fleet.runtime.exception_barrier import (
@@ -94,7 +94,7 @@ class AdapterRunner:
             self._log, "the loss of the robot could not be recorded; it is halted anyway"
         )
         self._crash: asyncio.Future[None] | None = None
-        self._strikes = Strikes()
+        self._failures = FailureCounter()
         self._lifted = asyncio.Event()
         self._ending: asyncio.Event | None = None  # while an attempt ends; set once the robot was stopped
         self._has_failsafe: Callable[[], object] = lambda: True  # true if something stops it after our death
@@ -115,7 +115,7 @@ class AdapterRunner:
                 waits = self._new_waits()
             self._health.set(end.health)
             await self._wait_for_leftover()
-            if self._strikes.are_out:
+            if self._failures.exceeded:
                 await self._quarantine(end.health)
                 waits = self._new_waits()
             else:
@@ -135,13 +135,13 @@ class AdapterRunner:
     def blocked(self, where: str, seconds: float) -> None:
         """Count a block of the event loop, longer than ``seconds``, against this robot."""
         self._log.error("blocked the event loop for more than %.2f s at %s", seconds, where)
-        self._strikes.count(self._clock.monotonic())
+        self._failures.count(self._clock.monotonic())
         if self.health.level < Level.OFFLINE:
             self._health.set(Health(Level.DEGRADED, f"blocked the event loop at {where}"))
-        if self._strikes.are_out:
+        if self._failures.exceeded:
             advice = f"give {self.controller.name} a worker of its own (worker: {self.controller.name})"
             self.crashed(
-                RuntimeError(f"blocked the event loop {STRIKES} times, the last at {where}; {advice}")
+                RuntimeError(f"blocked the event loop {MOST_FAILURES} times, the last at {where}; {advice}")
             )
 
     def restart(self) -> None:
@@ -180,7 +180,7 @@ class AdapterRunner:
             if isinstance(cause, kind):
                 return _RunEnd(Health(level, error_text(cause)), slow)
         self._log.error("the adapter failed", exc_info=error)
-        self._strikes.count(self._clock.monotonic())
+        self._failures.count(self._clock.monotonic())
         return _RunEnd(Health(Level.FAULT, failure_text(cause)))
 
     async def _serve(self, handle: RobotHandle) -> None:
@@ -260,7 +260,7 @@ class AdapterRunner:
         self._unreached(Health(Level.FAULT, quarantined(self.controller.name, health.cause)))
         self._lifted.clear()
         await self._lifted.wait()
-        self._strikes.clear()
+        self._failures.clear()
         self._unreached(Health(Level.OFFLINE, "starting again"))
 
     def _unreached(self, health: Health) -> None:
@@ -296,7 +296,7 @@ class AdapterRunner:
 def quarantined(robot: str, last: str) -> str:
     """Return the cause in the health of a quarantined robot, after its ``last`` failure."""
     return (
-        f"quarantined after {STRIKES} failures in {STRIKE_WINDOW:g} s, the last: {last}; "
+        f"quarantined after {MOST_FAILURES} failures in {FAILURE_WINDOW:g} s, the last: {last}; "
         f"fleet logs shows where, then: fleet send {robot} restart_adapter"
     )
 

@@ -30,7 +30,7 @@ from fleet.host.robot.snapshot import READ, Snapshot, is_known, rounded
 from fleet.host.runtime.blocking_calls import BlockingCalls
 from fleet.host.runtime.shared_resources import SharedResources
 from fleet.host.runtime.tick_scheduler import TickScheduler
-from fleet.host.runtime.watchdog import Watchdog, Watched
+from fleet.host.runtime.watchdog import Watchdog, WatchedRobot
 from fleet.link.backoff import backoff
 from fleet.model.command import Reply
 from fleet.model.description import RobotDescription
@@ -183,10 +183,12 @@ class LocalRobot:
         def expired() -> None:
             self._loop.call_soon_threadsafe(self._lease_ran_out)
 
-        watchdog.add(self.name, Watched(self.controller.deadman, self.controller.halt, expired))
+        watchdog.add(self.name, WatchedRobot(self.controller.deadman, self.controller.halt, expired))
         joints = self.controller.joints
         if self.controller.can.moves_joints:
-            watchdog.add(f"{self.name} joints", Watched(joints.deadman, joints.hold, self._joints_expired))
+            watchdog.add(
+                f"{self.name} joints", WatchedRobot(joints.deadman, joints.hold, self._joints_expired)
+            )
             self._scheduler.every(STEP, joints.step, owner=self.name, failed=self.runner.crashed)
 
     def follow(self, report: JointReport) -> None:

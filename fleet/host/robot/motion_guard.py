@@ -27,9 +27,9 @@ from fleet.host.robot.outside_fence import (
     stays_in_place,
     vertical_motion,
 )
+from fleet.host.robot.relative_positions import RelativePositions
 from fleet.host.robot.robot_place import POSITION_UNKNOWN, RobotPlace
 from fleet.host.robot.separation_keeper import SeparationKeeper
-from fleet.host.robot.whereabouts import Whereabouts
 from fleet.host.safety.circles import circling_radii
 from fleet.model.command import Command, Reply
 from fleet.model.event import EventKind
@@ -79,7 +79,7 @@ class MotionGuard:
         self.held = ZERO_VELOCITY
         self.taken = False
         self.apart: SeparationKeeper | None = None
-        self.others = Whereabouts()
+        self.others = RelativePositions()
         self._battery: BatteryWatch | None = None
         self._policy: BatteryPolicy | None = None
         self._percent: float | None = None

@@ -30,7 +30,7 @@ ASLEEP = 0.25  # s without a check after which the whole process counts as havin
 BACKLOG = 1.0  # s after such a stop in which data being read may have arrived during it
 
 
-class Watched(msgspec.Struct, frozen=True):
+class WatchedRobot(msgspec.Struct, frozen=True):
     """One robot under watch. Both functions run on another thread; ``expired`` must hand over to the loop."""
 
     deadman: DeadMan
@@ -64,7 +64,7 @@ class Watchdog:
     def __init__(self, clock: Clock, loop: LoopWatch) -> None:
         self._clock = clock
         self._loop = loop
-        self._robots: dict[str, Watched] = {}
+        self._robots: dict[str, WatchedRobot] = {}
         self._running: set[DeadMan] = set()  # those with a running lease
         self._ended = threading.Event()
         self._silence = LoopSilence(PERIOD)
@@ -95,7 +95,7 @@ class Watchdog:
         since, until = self._asleep
         return since if now - until < BACKLOG else now
 
-    def add(self, name: str, watched: Watched) -> None:
+    def add(self, name: str, watched: WatchedRobot) -> None:
         """Watch a robot, instead of an earlier one of the same name."""
         if name in self._robots:
             self._robots[name].deadman.join(set())
@@ -156,12 +156,12 @@ class Watchdog:
             self._loop.stuck(self._named or "a process that has no processor")
 
 
-def _halting(watched: Watched) -> Callable[[], None]:
+def _halting(watched: WatchedRobot) -> Callable[[], None]:
     """Return a call that halts a robot."""
     return lambda: _safely(watched.halt)
 
 
-def _expiry(watched: Watched) -> Callable[[], None]:
+def _expiry(watched: WatchedRobot) -> Callable[[], None]:
     """Return the call for an expired lease: halt, then notify the loop."""
 
     def expire() -> None:

@@ -12,7 +12,7 @@ from fleet_mavlink.ardupilot import ArduCopter
 from fleet_mavlink.constants import MavCmd
 from fleet_mavlink.px4 import Px4
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.watch_rules import Need, need_of
+from fleet_mavlink.watch_rules import RequiredPermission, need_of
 
 NAN = math.nan
 COPTER = [brake.request for brake in ArduCopter().brakes(VehicleState())]
@@ -39,36 +39,42 @@ def item(current):
 @pytest.mark.parametrize(
     ("message", "need"),
     [
-        (mav.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), Need.NOBODY_HEARS),
-        (mav.MAVLink_request_data_stream_message(1, 1, 0, 4, 1), Need.NOBODY_HEARS),
-        (mav.MAVLink_param_request_list_message(1, 1), Need.ANYBODY),
-        (mav.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1), Need.ANYBODY),
-        (mav.MAVLink_mission_request_list_message(1, 1, 0), Need.ANYBODY),
-        (file_message(4), Need.ANYBODY),
-        (requested(512, 148), Need.ANYBODY),
-        (requested(511, 32, 250_000), Need.ANYBODY),
-        (requested(511, 32, 50_000), Need.NOBODY),  # too fast
-        (requested(511, 32, -1), Need.NOBODY),  # switches it off for all
-        (requested(511, 30, 250_000), Need.NOBODY),  # ATTITUDE: this edge flies by it
-        (requested(511, NAN, 250_000), Need.NOBODY),
-        (mav.MAVLink_param_set_message(1, 1, b"RTL_ALT", 5.0, 9), Need.OPERATOR),
-        (mav.MAVLink_mission_count_message(1, 1, 4, FENCE), Need.OPERATOR),
-        (mav.MAVLink_mission_clear_all_message(1, 1, FENCE), Need.OPERATOR),
-        (file_message(6), Need.OPERATOR),
-        (requested(2000, 0, 0, 1), Need.OPERATOR),  # a picture moves nothing
-        (mav.MAVLink_mission_count_message(1, 1, 4, 0), Need.TAKES_OVER),  # of what it may be flying
-        (mav.MAVLink_mission_clear_all_message(1, 1, 0), Need.TAKES_OVER),
-        (item(0), Need.TAKES_OVER),
-        (item(2), Need.TAKES_OVER),  # a place to fly to at once
-        (requested(MavCmd.COMPONENT_ARM_DISARM, 1), Need.TAKES_OVER),
-        (requested(MavCmd.NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 10), Need.TAKES_OVER),
-        (requested(21), Need.TAKES_OVER),
-        (requested(60_000), Need.TAKES_OVER),  # what nobody knows moves it for all that is known
-        (mav.MAVLink_mission_set_current_message(1, 1, 0), Need.TAKES_OVER),
-        (mav.MAVLink_setup_signing_message(1, 1, [0] * 32, 0), Need.NOBODY),
-        (mav.MAVLink_manual_control_message(1, 0, 0, 500, 0, 0), Need.NOBODY),
-        (mav.MAVLink_rc_channels_override_message(1, 1, *([1500] * 8)), Need.NOBODY),
-        (mav.MAVLink_gps_rtcm_data_message(0, 1, [0] * 180), Need.NOBODY),
+        (mav.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), RequiredPermission.NOBODY_HEARS),
+        (mav.MAVLink_request_data_stream_message(1, 1, 0, 4, 1), RequiredPermission.NOBODY_HEARS),
+        (mav.MAVLink_param_request_list_message(1, 1), RequiredPermission.ANYBODY),
+        (mav.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1), RequiredPermission.ANYBODY),
+        (mav.MAVLink_mission_request_list_message(1, 1, 0), RequiredPermission.ANYBODY),
+        (file_message(4), RequiredPermission.ANYBODY),
+        (requested(512, 148), RequiredPermission.ANYBODY),
+        (requested(511, 32, 250_000), RequiredPermission.ANYBODY),
+        (requested(511, 32, 50_000), RequiredPermission.NOBODY),  # too fast
+        (requested(511, 32, -1), RequiredPermission.NOBODY),  # switches it off for all
+        (requested(511, 30, 250_000), RequiredPermission.NOBODY),  # ATTITUDE: this edge flies by it
+        (requested(511, NAN, 250_000), RequiredPermission.NOBODY),
+        (mav.MAVLink_param_set_message(1, 1, b"RTL_ALT", 5.0, 9), RequiredPermission.OPERATOR),
+        (mav.MAVLink_mission_count_message(1, 1, 4, FENCE), RequiredPermission.OPERATOR),
+        (mav.MAVLink_mission_clear_all_message(1, 1, FENCE), RequiredPermission.OPERATOR),
+        (file_message(6), RequiredPermission.OPERATOR),
+        (requested(2000, 0, 0, 1), RequiredPermission.OPERATOR),  # a picture moves nothing
+        (
+            mav.MAVLink_mission_count_message(1, 1, 4, 0),
+            RequiredPermission.TAKES_OVER,
+        ),  # of what it may be flying
+        (mav.MAVLink_mission_clear_all_message(1, 1, 0), RequiredPermission.TAKES_OVER),
+        (item(0), RequiredPermission.TAKES_OVER),
+        (item(2), RequiredPermission.TAKES_OVER),  # a place to fly to at once
+        (requested(MavCmd.COMPONENT_ARM_DISARM, 1), RequiredPermission.TAKES_OVER),
+        (requested(MavCmd.NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 10), RequiredPermission.TAKES_OVER),
+        (requested(21), RequiredPermission.TAKES_OVER),
+        (
+            requested(60_000),
+            RequiredPermission.TAKES_OVER,
+        ),  # what nobody knows moves it for all that is known
+        (mav.MAVLink_mission_set_current_message(1, 1, 0), RequiredPermission.TAKES_OVER),
+        (mav.MAVLink_setup_signing_message(1, 1, [0] * 32, 0), RequiredPermission.NOBODY),
+        (mav.MAVLink_manual_control_message(1, 0, 0, 500, 0, 0), RequiredPermission.NOBODY),
+        (mav.MAVLink_rc_channels_override_message(1, 1, *([1500] * 8)), RequiredPermission.NOBODY),
+        (mav.MAVLink_gps_rtcm_data_message(0, 1, [0] * 180), RequiredPermission.NOBODY),
     ],
     ids=lambda value: value.get_type() if hasattr(value, "get_type") else value.name,
 )
@@ -79,32 +85,57 @@ def test_who_may_send_what(message, need):
 @pytest.mark.parametrize(
     ("stops", "message", "need"),
     [
-        (COPTER, requested(MavCmd.DO_SET_MODE, 1, BRAKE), Need.STOP),
-        (COPTER, requested(MavCmd.DO_SET_MODE, 1, LOITER), Need.TAKES_OVER),  # sinks without a remote control
-        (COPTER, requested(MavCmd.DO_SET_MODE, 0, BRAKE), Need.TAKES_OVER),
-        (COPTER, requested(MavCmd.DO_PAUSE_CONTINUE, 0), Need.STOP),
-        (COPTER, requested(MavCmd.DO_PAUSE_CONTINUE, 1), Need.TAKES_OVER),  # goes on
-        (COPTER, mav.MAVLink_set_mode_message(1, 1, BRAKE), Need.STOP),
-        (COPTER, mav.MAVLink_set_mode_message(1, 1, LOITER), Need.TAKES_OVER),
-        (PX4, requested(MavCmd.DO_SET_MODE, 1, 4, 3), Need.STOP),
-        (PX4, requested(MavCmd.DO_SET_MODE, 1, 4, 5), Need.TAKES_OVER),
-        (PX4, requested(MavCmd.DO_REPOSITION, -1, 1, 0, NAN, NAN, NAN, NAN), Need.STOP),
-        (PX4, requested(MavCmd.DO_REPOSITION, -1, 1, 0, NAN, 47.4, 8.5, 500), Need.TAKES_OVER),
-        (PX4, requested(MavCmd.DO_REPOSITION, -1, 1, 0, 1.0, NAN, NAN, NAN), Need.TAKES_OVER),  # turns it
-        (PX4, mav.MAVLink_set_mode_message(1, 4, 0x03040000), Need.TAKES_OVER),  # starts its mission
-        (COPTER, mav.MAVLink_set_mode_message(1, 128, BRAKE), Need.TAKES_OVER),  # the safety switch
-        (COPTER, mav.MAVLink_set_mode_message(1, 1, BRAKE << 16 | 3), Need.TAKES_OVER),  # AUTO, for ArduPilot
-        (PX4, mav.MAVLink_set_mode_message(1, 1, 0x03040000), Need.STOP),
-        (PX4, requested(MavCmd.COMPONENT_ARM_DISARM, 0, 21196), Need.TAKES_OVER),  # falls
-        (PX4, requested(185, 1), Need.TAKES_OVER),  # flight termination
-        ([], requested(MavCmd.DO_SET_MODE, 1, BRAKE), Need.TAKES_OVER),  # of an unknown vehicle
+        (COPTER, requested(MavCmd.DO_SET_MODE, 1, BRAKE), RequiredPermission.STOP),
+        (
+            COPTER,
+            requested(MavCmd.DO_SET_MODE, 1, LOITER),
+            RequiredPermission.TAKES_OVER,
+        ),  # sinks without a remote control
+        (COPTER, requested(MavCmd.DO_SET_MODE, 0, BRAKE), RequiredPermission.TAKES_OVER),
+        (COPTER, requested(MavCmd.DO_PAUSE_CONTINUE, 0), RequiredPermission.STOP),
+        (COPTER, requested(MavCmd.DO_PAUSE_CONTINUE, 1), RequiredPermission.TAKES_OVER),  # goes on
+        (COPTER, mav.MAVLink_set_mode_message(1, 1, BRAKE), RequiredPermission.STOP),
+        (COPTER, mav.MAVLink_set_mode_message(1, 1, LOITER), RequiredPermission.TAKES_OVER),
+        (PX4, requested(MavCmd.DO_SET_MODE, 1, 4, 3), RequiredPermission.STOP),
+        (PX4, requested(MavCmd.DO_SET_MODE, 1, 4, 5), RequiredPermission.TAKES_OVER),
+        (PX4, requested(MavCmd.DO_REPOSITION, -1, 1, 0, NAN, NAN, NAN, NAN), RequiredPermission.STOP),
+        (PX4, requested(MavCmd.DO_REPOSITION, -1, 1, 0, NAN, 47.4, 8.5, 500), RequiredPermission.TAKES_OVER),
+        (
+            PX4,
+            requested(MavCmd.DO_REPOSITION, -1, 1, 0, 1.0, NAN, NAN, NAN),
+            RequiredPermission.TAKES_OVER,
+        ),  # turns it
+        (
+            PX4,
+            mav.MAVLink_set_mode_message(1, 4, 0x03040000),
+            RequiredPermission.TAKES_OVER,
+        ),  # starts its mission
+        (
+            COPTER,
+            mav.MAVLink_set_mode_message(1, 128, BRAKE),
+            RequiredPermission.TAKES_OVER,
+        ),  # the safety switch
+        (
+            COPTER,
+            mav.MAVLink_set_mode_message(1, 1, BRAKE << 16 | 3),
+            RequiredPermission.TAKES_OVER,
+        ),  # AUTO, for ArduPilot
+        (PX4, mav.MAVLink_set_mode_message(1, 1, 0x03040000), RequiredPermission.STOP),
+        (PX4, requested(MavCmd.COMPONENT_ARM_DISARM, 0, 21196), RequiredPermission.TAKES_OVER),  # falls
+        (PX4, requested(185, 1), RequiredPermission.TAKES_OVER),  # flight termination
+        ([], requested(MavCmd.DO_SET_MODE, 1, BRAKE), RequiredPermission.TAKES_OVER),  # of an unknown vehicle
     ],
 )
 def test_a_stop_is_everybodys_and_nothing_else_is_one(stops, message, need):
     assert need_of(message, stops) is need
 
 
-PASSED = {Need.ANYBODY, Need.OPERATOR, Need.TAKES_OVER, Need.STOP}
+PASSED = {
+    RequiredPermission.ANYBODY,
+    RequiredPermission.OPERATOR,
+    RequiredPermission.TAKES_OVER,
+    RequiredPermission.STOP,
+}
 
 
 def test_of_all_messages_there_are_only_these_are_passed_on(blank_message):
@@ -144,5 +175,5 @@ def test_of_all_messages_there_are_only_these_are_passed_on(blank_message):
 def test_no_numbers_of_a_command_break_the_rules(command, params):
     message = requested(command, *params)
     need = need_of(message, [*COPTER, *PX4])
-    if need in {Need.STOP, Need.ANYBODY}:
+    if need in {RequiredPermission.STOP, RequiredPermission.ANYBODY}:
         assert command in {176, 192, 193, 410, 510, 511, 512, 519, 520, 521, 522, 525, 527, 2504, 2505}

@@ -4,7 +4,7 @@ import pytest
 from pymavlink.dialects.v20 import all as mav
 
 from fleet.testing.clock import ManualClock
-from fleet_mavlink.watcher import _AT_ONCE, _DATAGRAM, _MOST_WAITING, Allowance, Watcher
+from fleet_mavlink.watcher import _AT_ONCE, _DATAGRAM, _MOST_WAITING, TokenBucket, Watcher
 
 DESK = "udpout:10.0.0.5:14550"
 
@@ -91,7 +91,7 @@ async def test_of_two_vehicles_with_one_id_the_first_is_shown(watcher):
 
 
 def test_an_allowance_fills_up_with_time():
-    allowance = Allowance(10.0, 20.0)
+    allowance = TokenBucket(10.0, 20.0)
     assert sum(allowance.admits(5.0) for _ in range(100)) == 20
     assert sum(allowance.admits(6.0) for _ in range(100)) == 10
     assert sum(allowance.admits(1000.0) for _ in range(100)) == 20

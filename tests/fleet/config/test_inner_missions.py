@@ -3,7 +3,7 @@
 import pytest
 
 from fleet.config.load import load
-from fleet.config.missions import Known, mission_of, read_mission
+from fleet.config.missions import KnownNames, mission_of, read_mission
 from fleet.config.problems import InvalidConfig
 
 FLEET = """\
@@ -99,7 +99,7 @@ def test_a_file_within_itself_is_found_though_the_fleet_is_not_known(tmp_path):
     text = "version: 1\nroles: {a: {}}\nsteps: [{id: x, do: {a: {mission: patrol}}}]\n"
     (tmp_path / "patrol.yaml").write_text(text)
     with pytest.raises(InvalidConfig, match=r"patrol.yaml:3:\d+: .*a mission within itself: patrol > patrol"):
-        read_mission(tmp_path / "patrol.yaml", {}, Known())
+        read_mission(tmp_path / "patrol.yaml", {}, KnownNames())
 
 
 def test_a_mission_that_is_sent_is_checked_against_those_of_the_edge():

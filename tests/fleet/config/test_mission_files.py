@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from fleet.config.missions import Known, mission_of, read_mission
+from fleet.config.missions import KnownNames, mission_of, read_mission
 from fleet.config.problems import InvalidConfig
 from fleet.missions.runs import digest_of
 
@@ -25,7 +25,7 @@ def mission(tmp_path):
         for name, content in files.items():
             (tmp_path / name.replace("_", ".")).write_text(content)
         (tmp_path / "patrol.yaml").write_text(MISSION % path)
-        return read_mission(tmp_path / "patrol.yaml", {}, Known())
+        return read_mission(tmp_path / "patrol.yaml", {}, KnownNames())
 
     return mission
 

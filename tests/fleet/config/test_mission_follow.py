@@ -2,7 +2,7 @@
 
 import pytest
 
-from fleet.config.missions import Known, read_mission
+from fleet.config.missions import KnownNames, read_mission
 from fleet.config.problems import InvalidConfig
 
 MISSION = """\
@@ -17,7 +17,7 @@ DO = "{feet: {goto: [1, 2]}, eye: {follow: feet, distance: 4}}"
 
 def read(tmp_path, do=DO):
     (tmp_path / "m.yaml").write_text(MISSION.replace(DO, do))
-    return read_mission(tmp_path / "m.yaml", {}, Known()).program({}).steps[0]
+    return read_mission(tmp_path / "m.yaml", {}, KnownNames()).program({}).steps[0]
 
 
 def test_who_follows_goes_on_for_as_long_as_the_others_do(tmp_path):

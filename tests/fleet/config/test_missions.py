@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from fleet.config.missions import Known, mission_of, read_mission
+from fleet.config.missions import KnownNames, mission_of, read_mission
 from fleet.config.problems import InvalidConfig
 from fleet.errors import Refused
 from fleet.missions.program import Again, Do, Loop
@@ -30,7 +30,7 @@ steps:
   - {id: home, do: {all: return_to_home}}
 on_failure: undo
 """
-KNOWN = Known(["kestrel", "beast", "yard"], ["dock-1"], on_earth=False)
+KNOWN = KnownNames(["kestrel", "beast", "yard"], ["dock-1"], on_earth=False)
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from fleet.console import login as module
 from fleet.console.attempts import BY_ADDRESS, BY_NAME
 from fleet.console.login import BUSY, MOST_WAITING, WRONG, Login, LoginRefused
 from fleet.console.people import People, Person, add_person, change_person, remove_person
-from fleet.console.sessions import Opened
+from fleet.console.sessions import NewSession
 from fleet.model.permission import Permission
 from fleet.testing.clock import ManualClock
 
@@ -88,7 +88,7 @@ async def test_a_name_waits_after_failures_even_with_the_right_password_and_from
     assert (refused.status, refused.wait) == (429, 2)
     assert refused.why == "too many failed logins: try again in 2 s"
     clock.advance(2.0)
-    assert isinstance(await login.log_in("anna", "right", "10.0.2.1"), Opened)
+    assert isinstance(await login.log_in("anna", "right", "10.0.2.1"), NewSession)
 
 
 async def test_a_name_that_nobody_has_waits_just_the_same(login):
@@ -100,11 +100,11 @@ async def test_a_name_that_nobody_has_waits_just_the_same(login):
 async def test_an_address_waits_after_failures_with_many_names_and_a_login_does_not_clear_it(login, verified):
     for number in range(BY_ADDRESS.free):
         await login.log_in(f"name-{number}", "wrong", HERE)
-    assert isinstance(await login.log_in("anna", "right", HERE), Opened)
+    assert isinstance(await login.log_in("anna", "right", HERE), NewSession)
     assert (await login.log_in("one-more", "wrong", HERE)).status == 403
     done = len(verified)
     assert (await login.log_in("anna", "right", HERE)).status == 429
-    assert isinstance(await login.log_in("anna", "right", "10.0.0.10"), Opened)
+    assert isinstance(await login.log_in("anna", "right", "10.0.0.10"), NewSession)
     assert len(verified) == done + 1
 
 

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 
 from fleet.console.past import RecordingReader
 from fleet.console.requests import PageSeriesRequest
-from fleet.console.series import MOST_SPENT, MOST_WINDOW, Thinned, read_series, require_bounds
+from fleet.console.series import MOST_SPENT, MOST_WINDOW, Downsampled, read_series, require_bounds
 from fleet.errors import Refused
 from fleet.record.messages import Message
-from fleet.record.past import Past
+from fleet.record.recorded_folder import RecordedFolder
 from fleet.record.ring import Ring
 from fleet.record.task import Bounds
 from fleet.record.window import Window
@@ -23,7 +23,7 @@ VALUES = st.lists(st.tuples(st.floats(0.0, 100.0), st.floats(-1e6, 1e6)), max_si
 
 
 def thinned(values, most, *, since=0.0, until=100.0):
-    found = Thinned(since, until, most)
+    found = Downsampled(since, until, most)
     for at, value in values:
         found.add(at, value)
     return found.points()
@@ -90,7 +90,7 @@ def folder(tmp_path_factory):
 def read(folder, *names, since=0.0, until=SECONDS, points=1000, spent=lambda: 0.0, robot="yard-1/rex"):
     requested = PageSeriesRequest("r", robot, BEGINS + since, BEGINS + until, names, points)
     window = Window(f"/{robot}/", requested.since, requested.until)
-    Past(folder).find(window)
+    RecordedFolder(folder).find(window)
     return read_series(requested, window, spent)
 
 

@@ -22,7 +22,7 @@ from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.runtime.shared_resources import SharedResources
 from fleet.host.runtime.tick_scheduler import TickScheduler
-from fleet.host.runtime.watchdog import Watched
+from fleet.host.runtime.watchdog import WatchedRobot
 from fleet.model.command import Command, JointSetpoint, Origin, Reply, Setpoint, Transport
 from fleet.model.geometry import Quaternion, Vector3, Velocity
 from fleet.model.health import Health, Level
@@ -328,7 +328,7 @@ class Host:
             supervised=SupervisorClient(),
         )
         self._note_losses(process)
-        self._watched: list[Watched] = []
+        self._watched: list[WatchedRobot] = []
         self.robot.be_watched(SimpleNamespace(add=lambda _name, watched: self._watched.append(watched)))
         self.scheduler.every(0.02, self._watch)
         self.scheduler.start()

@@ -1,6 +1,6 @@
 """The lease by which an edge coordinates robots of another."""
 
-from fleet.missions.coordination import LAPSES_AFTER, CoordinatorLeases, Lapsed, RobotLeaseRequest
+from fleet.missions.coordination import LAPSES_AFTER, CoordinatorLeases, ExpiredLease, RobotLeaseRequest
 
 
 def test_a_lease_lasts_while_it_is_renewed_and_lapses_once():
@@ -9,7 +9,7 @@ def test_a_lease_lasts_while_it_is_renewed_and_lapses_once():
     leases.grant(RobotLeaseRequest("r1", "yard", {"rex": "land"}), 2.0)
     assert leases.robots("yard", "r1") == {"rex"}
     assert leases.lapsed(2.0 + LAPSES_AFTER - 0.1) == []
-    assert leases.lapsed(2.0 + LAPSES_AFTER) == [Lapsed("r1", "yard", "rex", "land")]
+    assert leases.lapsed(2.0 + LAPSES_AFTER) == [ExpiredLease("r1", "yard", "rex", "land")]
     assert leases.lapsed(100.0) == []
     assert leases.robots("yard", "r1") == frozenset()
 

@@ -34,7 +34,6 @@ from fleet.missions.state import (
     Enlist,
     Enlisted,
     Facts,
-    Head,
     Left,
     NotStarted,
     Occupy,
@@ -49,6 +48,7 @@ from fleet.missions.state import (
     Resume,
     RobotEvent,
     RobotPrepared,
+    RunHead,
     RunMember,
     Start,
     StepPart,
@@ -478,7 +478,7 @@ class Life(RuleBasedStateMachine):
             "run",
             self.program,
             [msgspec.json.decode(each, type=RunMember) for each in self.recorded.values()],
-            head=msgspec.json.decode(self.head, type=Head),
+            head=msgspec.json.decode(self.head, type=RunHead),
             parts=[msgspec.json.decode(each, type=StepPart) for each in self.parts.values()],
         )
         for robot in (*ROBOTS, SPARE):

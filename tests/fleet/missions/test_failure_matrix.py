@@ -19,7 +19,6 @@ from fleet.missions.state import (
     Abort,
     Enlisted,
     Facts,
-    Head,
     Left,
     NotStarted,
     PartOutcome,
@@ -28,6 +27,7 @@ from fleet.missions.state import (
     PlaceOccupied,
     Restarted,
     RobotPrepared,
+    RunHead,
     RunMember,
     RunOutcome,
     StepPart,
@@ -51,7 +51,7 @@ def restarted(play):
         "run",
         play.program,
         [again(each, RunMember) for each in old.robots.members.values()],
-        head=again(old.head, Head),
+        head=again(old.head, RunHead),
         parts=[again(each, StepPart) for each in old.robots.parts.values()],
     )
     play.effects.clear()

@@ -8,7 +8,6 @@ from fleet.missions.run_robots import RunRobots
 from fleet.missions.state import (
     Abort,
     Facts,
-    Head,
     Hold,
     Left,
     LogNote,
@@ -18,6 +17,7 @@ from fleet.missions.state import (
     Phase,
     Question,
     Resume,
+    RunHead,
     RunOutcome,
 )
 from tests.fleet.missions.conftest import do
@@ -158,7 +158,7 @@ def nested():
     """Return the missions of a run at an index, with its position and its robots."""
 
     def nested(at, phase=Phase.STEP, **head):
-        head = Head(phase, at=at, **head)
+        head = RunHead(phase, at=at, **head)
         robots = RunRobots("run", [])
         return InnerMissions(Program("day", NESTED, {}), head, robots), head, robots
 
@@ -211,7 +211,7 @@ def test_one_within_another_may_be_late_alone(nested):
 
 def test_one_without_a_deadline_is_never_late():
     steps = Enter("in", "scan", "in.all", 3, {}), do("in.go"), Leave(0, "in")
-    head = Head(Phase.STEP, at=1, entered={"0": 0.0})
+    head = RunHead(Phase.STEP, at=1, entered={"0": 0.0})
     assert InnerMissions(Program("day", steps, {}), head, RunRobots("run", [])).late(1e6) is None
 
 

@@ -4,12 +4,12 @@ import msgspec
 import pytest
 
 from fleet.missions.program import Act, Do, Program
-from fleet.missions.rehearsal import FRESH, Passed, Present, RehearsalResult, program_digest, refusal
+from fleet.missions.rehearsal import FRESH, Present, RehearsalResult, StoredPass, program_digest, refusal
 
 PROGRAM = Program("patrol", (Do("up", {"eye": (Act("command", "takeoff", {"altitude": 5}),)}),), {"eye": 1})
 HIGHER = Program("patrol", (Do("up", {"eye": (Act("command", "takeoff", {"altitude": 9}),)}),), {"eye": 1})
 ROLES = {"eye": ["kestrel"]}
-PASSED = Passed("patrol", program_digest(PROGRAM), "c1", ROLES, {"kestrel": (0.0, 1.0, 0.0)}, 1000.0)
+PASSED = StoredPass("patrol", program_digest(PROGRAM), "c1", ROLES, {"kestrel": (0.0, 1.0, 0.0)}, 1000.0)
 NOW = Present(PROGRAM, "c1", 1000.0 + FRESH, {"kestrel": (0.0, 4.0, 0.0), "rex": None}, ROLES)
 
 

@@ -4,11 +4,11 @@ import msgspec
 
 from fleet.missions.program import Act, Ask
 from fleet.missions.report import MissionStartRequest, RunRobot, RunState, ended_state, state_of
-from fleet.missions.state import Head, PartOutcome, Phase, RunMember, RunOutcome, StopAll
-from fleet.missions.store import About
+from fleet.missions.state import PartOutcome, Phase, RunHead, RunMember, RunOutcome, StopAll
+from fleet.missions.store import RunOrigin
 from tests.fleet.missions.conftest import do
 
-ABOUT = About("3f2a", "patrol", "ab12", 1000.0, "anna", "cloud")
+ABOUT = RunOrigin("3f2a", "patrol", "ab12", 1000.0, "anna", "cloud")
 
 
 def shown(run, seconds=12.34, problem=""):
@@ -53,7 +53,7 @@ def test_the_end_of_a_run_is_shown_as_it_came(play):
 
 
 def test_an_ended_run_is_shown_from_what_was_recorded_of_it():
-    head = Head(Phase.ENDED, at=3, outcome=RunOutcome.WITH_LOSSES, reason="so it was")
+    head = RunHead(Phase.ENDED, at=3, outcome=RunOutcome.WITH_LOSSES, reason="so it was")
     members = [
         RunMember("rex", "eye", 0, outcome=PartOutcome.DONE),
         RunMember("ada", "eye", 1, within=False, outcome=PartOutcome.LOST, reason="gone"),
@@ -72,7 +72,7 @@ def test_an_ended_run_is_shown_from_what_was_recorded_of_it():
         RunRobot("ada", "eye", "", False, "lost", "gone"),
         RunRobot("spot", "eye", "spare", within=False),
     )
-    assert ended_state(ABOUT, Head(), [], "yard").outcome == ""
+    assert ended_state(ABOUT, RunHead(), [], "yard").outcome == ""
 
 
 def test_a_state_is_read_as_it_was_sent_with_the_transport_under_its_old_name(play):

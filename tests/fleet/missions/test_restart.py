@@ -7,7 +7,6 @@ from fleet.missions.program import Act, Ask, Wait
 from fleet.missions.state import (
     Begin,
     Facts,
-    Head,
     LogNote,
     Occupy,
     PartOutcome,
@@ -15,6 +14,7 @@ from fleet.missions.state import (
     PersonAnswer,
     Phase,
     Restarted,
+    RunHead,
     RunMember,
     RunOutcome,
     Tick,
@@ -111,7 +111,7 @@ def test_a_question_that_was_open_stays_open_after_a_restart(play):
 @pytest.mark.parametrize(("occupies", "begins"), [((), True), (("gate",), False)])
 def test_a_restart_before_the_first_step_begins_it_or_asks_for_the_places_again(play, occupies, begins):
     run = play(do(), occupies=occupies, on_restart="continue")
-    head = Head(Phase.OCCUPYING if occupies else Phase.NEW)
+    head = RunHead(Phase.OCCUPYING if occupies else Phase.NEW)
     engine = Engine(
         "run", run.program, [RunMember("kestrel", "eye", 0), RunMember("rover", "feet", 0)], head=head
     )

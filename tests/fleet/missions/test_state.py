@@ -9,10 +9,10 @@ from fleet.missions.program import Act, Again, Do, Program, Require, Wait
 from fleet.missions.state import (
     GOING_ON,
     NEXT,
-    Head,
     PartOutcome,
     Phase,
     Question,
+    RunHead,
     RunMember,
     RunOutcome,
     StepPart,
@@ -40,7 +40,7 @@ PROGRAM = Program("patrol", STEPS, {}, Require(battery_min=20.0))
     ],
 )
 def test_a_step_is_called_by_its_name_and_the_number_of_its_repetition(at, instruction, name):
-    head = Head(Phase.STEP, at=at, serial=7)
+    head = RunHead(Phase.STEP, at=at, serial=7)
     assert instruction_of(PROGRAM, head) is instruction
     assert step_name(PROGRAM, head) == name
 
@@ -49,7 +49,7 @@ def test_a_step_is_called_by_its_name_and_the_number_of_its_repetition(at, instr
     ("at", "require"), [(0, PROGRAM.require), (1, PROGRAM.require), (3, STRICT), (4, PROGRAM.require)]
 )
 def test_a_step_of_an_inner_mission_requires_what_that_says(at, require):
-    assert required(PROGRAM, Head(at=at)) == require
+    assert required(PROGRAM, RunHead(at=at)) == require
 
 
 ORDER = [Phase.HALTING, Phase.UNDOING, Phase.ENDING, Phase.ENDED]
@@ -85,8 +85,8 @@ def test_a_part_is_under_way_until_it_has_an_outcome():
 @pytest.mark.parametrize(
     "saved",
     [
-        Head(),
-        Head(
+        RunHead(),
+        RunHead(
             Phase.PAUSED,
             3,
             8,
@@ -131,5 +131,5 @@ def test_what_is_saved_is_read_back_as_it_was(saved):
 
 def test_the_steps_to_undo_keep_the_name_that_older_versions_gave_them_on_disk():
     """A run must survive an update of fleet, and be undone by the next version."""
-    saved = msgspec.json.decode(msgspec.json.encode(Head(undoable=[UndoableStep(0, "go.1")])))
+    saved = msgspec.json.decode(msgspec.json.encode(RunHead(undoable=[UndoableStep(0, "go.1")])))
     assert saved["begun"] == [{"at": 0, "step": "go.1"}]

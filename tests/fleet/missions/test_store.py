@@ -6,10 +6,10 @@ import sqlite3
 import pytest
 
 from fleet.missions.program import Act, Program, Wait
-from fleet.missions.state import Head, LogNote, Phase, RunMember, RunOutcome, StepPart, UndoableStep
-from fleet.missions.store import MISSIONS, About, RunChange, RunStore
+from fleet.missions.state import LogNote, Phase, RunHead, RunMember, RunOutcome, StepPart, UndoableStep
+from fleet.missions.store import MISSIONS, RunChange, RunOrigin, RunStore
 
-ABOUT = About("r1", "patrol", "ab12", 1000.0, "anna", inputs={"height": 5})
+ABOUT = RunOrigin("r1", "patrol", "ab12", 1000.0, "anna", inputs={"height": 5})
 PROGRAM = Program("patrol", (Wait("rest", 5.0),), {"eye": 1})
 PART = StepPart("r1/up.1/kestrel/1", "up.1", "kestrel", "eye", 1, "do", Act("command", "takeoff"), 0.0, 60.0)
 
@@ -41,7 +41,7 @@ def save(store, head, touched=(), notes=(), *, new=False, run="r1"):
 
 def test_a_run_is_found_as_it_was_by_the_next_process(store):
     first = store()
-    head = Head(Phase.STEP, at=1, undoable=[UndoableStep(0, "up.1")], loops={"0": 2})
+    head = RunHead(Phase.STEP, at=1, undoable=[UndoableStep(0, "up.1")], loops={"0": 2})
     member = RunMember("kestrel", "eye", 0)
     assert save(first, head, [member, PART], [LogNote("takeoff begun", "kestrel", "up.1")], new=True)
     (kept,) = store().unfinished()
@@ -51,8 +51,8 @@ def test_a_run_is_found_as_it_was_by_the_next_process(store):
 
 def test_an_ended_run_is_history_with_its_story(store):
     first = store()
-    save(first, Head(), [RunMember("kestrel", "eye", 0)], [LogNote("one")], new=True)
-    save(first, Head(Phase.ENDED, outcome=RunOutcome.ABORTED), notes=[LogNote("two")])
+    save(first, RunHead(), [RunMember("kestrel", "eye", 0)], [LogNote("one")], new=True)
+    save(first, RunHead(Phase.ENDED, outcome=RunOutcome.ABORTED), notes=[LogNote("two")])
     second = store()
     assert second.unfinished() == []
     results = queue.Queue()
@@ -65,7 +65,7 @@ def test_an_ended_run_is_history_with_its_story(store):
 
 def test_a_run_of_another_version_is_reported_and_keeps_no_other_from_starting(store):
     first = store()
-    save(first, Head(), new=True)
+    save(first, RunHead(), new=True)
     first._database.execute('UPDATE run SET head = \'{"phase": "flying"}\'')
     second = store()
     assert second.unfinished() == []
@@ -77,10 +77,10 @@ def test_a_run_of_another_version_is_reported_and_keeps_no_other_from_starting(s
 
 def test_an_ended_run_is_known(store):
     opened = store()
-    save(opened, Head(), new=True)
+    save(opened, RunHead(), new=True)
     assert opened.knows("r1")
     assert not opened.has_ended("r1"), "a repeat of one under way is the same run"
-    save(opened, Head(Phase.ENDED, outcome=RunOutcome.ABORTED))
+    save(opened, RunHead(Phase.ENDED, outcome=RunOutcome.ABORTED))
     assert opened.has_ended("r1")
     assert opened.knows("r1")
     assert not opened.knows("r2")
@@ -91,14 +91,14 @@ def test_a_damaged_file_is_set_aside_and_reported(store, tmp_path):
     opened = store()
     assert "could not be read" in opened.lost
     assert opened.problem == ""
-    assert save(opened, Head(), new=True)
+    assert save(opened, RunHead(), new=True)
 
 
 def test_a_disk_that_takes_nothing_is_reported(store):
     opened = store()
     opened._database.close()
     opened._database = sqlite3.connect(":memory:", check_same_thread=False)  # none of our tables
-    assert save(opened, Head(), new=True) is False
+    assert save(opened, RunHead(), new=True) is False
     assert "are not recorded" in opened.problem
 
 
@@ -107,9 +107,9 @@ def test_only_so_many_ended_runs_are_kept(store, monkeypatch):
     opened = store()
     for number in range(4):
         run = f"r{number}"
-        about = About(run, "patrol", "", 1000.0 + number)
+        about = RunOrigin(run, "patrol", "", 1000.0 + number)
         done = queue.Queue()
-        head = Head(Phase.ENDED, outcome=RunOutcome.COMPLETED)
+        head = RunHead(Phase.ENDED, outcome=RunOutcome.COMPLETED)
         change = RunChange(run, head, [], [LogNote("x")], 1000.0 + number, 0.0, about, PROGRAM)
         opened.save(change, done.put)
         assert done.get(timeout=60)

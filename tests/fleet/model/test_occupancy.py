@@ -5,14 +5,14 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from fleet.model.occupancy import Claim, ClaimVerdict, Occupancy, Settled
+from fleet.model.occupancy import Claim, ClaimVerdict, Occupancy, SettledClaim
 
 NAMES = ("dock", "gate", "pad", "yard")
 HOLDERS = tuple(f"run-{number}" for number in range(6))
 
 
 def granted(*holders):
-    return [Settled(holder, ClaimVerdict.GRANTED) for holder in holders]
+    return [SettledClaim(holder, ClaimVerdict.GRANTED) for holder in holders]
 
 
 def test_a_place_is_had_by_as_many_as_fit_and_the_next_waits_until_one_gives_it_back():
@@ -33,7 +33,7 @@ def test_who_waits_too_long_gives_up_what_it_has_and_learns_who_had_the_rest():
     assert places.request("c", {"dock": 1}, now=1.0, within=60.0) == []
     assert places.next_end() == 5.0
     assert places.settle(now=4.9) == []
-    assert places.settle(now=5.0) == [Settled("b", ClaimVerdict.LATE, "pad", ("a",)), *granted("c")]
+    assert places.settle(now=5.0) == [SettledClaim("b", ClaimVerdict.LATE, "pad", ("a",)), *granted("c")]
 
 
 def test_who_asked_first_for_a_place_has_it_first_though_less_would_do_for_another():

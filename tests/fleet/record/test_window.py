@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.record.chunks import Chunks
-from fleet.record.past import MOST_IN_WINDOW, Past
+from fleet.record.recorded_folder import MOST_IN_WINDOW, RecordedFolder
 from fleet.record.window import Window, spread
 from tests.tools.recordings import write_recording
 
@@ -27,7 +27,7 @@ def folder(tmp_path):
 
 def window_of(folder, since, until, *, prefix="/yard-1/rex/"):
     window = Window(prefix, BEGINS + since, BEGINS + until)
-    Past(folder).find(window)
+    RecordedFolder(folder).find(window)
     return window
 
 

@@ -7,7 +7,7 @@ import msgspec
 import pytest
 import zenoh
 
-from fleet.config.missions import Known, read_mission
+from fleet.config.missions import KnownNames, read_mission
 from fleet.rehearsal import rehearsal
 from fleet.rehearsal.rehearsal import rehearse
 
@@ -38,7 +38,7 @@ def roles_of(field, mission):
 def test_an_example_is_rehearsed_to_a_good_end(path, field):
     yard = field(**FEW)
     yard.state("ugv-1", battery=41.0)
-    mission = read_mission(path, {}, Known())
+    mission = read_mission(path, {}, KnownNames())
     result = yard.result(mission, roles_of(yard, mission), **INPUTS.get(path.stem, {}))
     assert (result.outcome, result.troubles) == ("completed", ())
     assert result.passed

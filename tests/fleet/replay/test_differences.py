@@ -3,7 +3,7 @@
 import pytest
 
 from fleet.replay.differences import differences, unequal
-from fleet.replay.recorded_robot import Said
+from fleet.replay.recorded_robot import RecordedReport
 
 
 def found(recorded, now, **bounds):
@@ -11,17 +11,22 @@ def found(recorded, now, **bounds):
 
 
 def test_the_same_within_a_tick_is_no_difference():
-    assert found({"battery": [Said(10.0, {"p": 5})]}, {"battery": [Said(10.019, {"p": 5})]}) == []
+    assert (
+        found({"battery": [RecordedReport(10.0, {"p": 5})]}, {"battery": [RecordedReport(10.019, {"p": 5})]})
+        == []
+    )
 
 
 def test_the_same_a_tick_later_is_one():
-    (what,) = found({"battery": [Said(10.0, {"p": 5})]}, {"battery": [Said(10.03, {"p": 5})]})
+    (what,) = found(
+        {"battery": [RecordedReport(10.0, {"p": 5})]}, {"battery": [RecordedReport(10.03, {"p": 5})]}
+    )
     assert "is not reported now" in what
 
 
 def test_of_several_in_one_tick_the_recorder_has_one():
-    now = {"battery": [Said(10.0, {"p": 5}), Said(10.01, {"p": 4})]}
-    assert found({"battery": [Said(10.01, {"p": 4})]}, now) == []
+    now = {"battery": [RecordedReport(10.0, {"p": 5}), RecordedReport(10.01, {"p": 4})]}
+    assert found({"battery": [RecordedReport(10.01, {"p": 4})]}, now) == []
 
 
 def test_each_member_that_differs_is_named():
@@ -41,15 +46,16 @@ def test_numbers_are_the_same_to_a_millionth(one, other, same):
 
 
 def test_what_the_host_alone_reported_is_no_difference():
-    assert found({"telemetry:connected": [Said(1.0, {})]}, {}) == []
+    assert found({"telemetry:connected": [RecordedReport(1.0, {})]}, {}) == []
 
 
 def test_an_event_that_was_not_recorded_is_one():
     (what,) = found(
-        {"driverlog": [Said(1.0, {"message": "a"})]}, {"driverlog": [Said(1.0, {"message": "b"})]}
+        {"driverlog": [RecordedReport(1.0, {"message": "a"})]},
+        {"driverlog": [RecordedReport(1.0, {"message": "b"})]},
     )
     assert "was not recorded: {'message': 'b'}" in what
 
 
 def test_what_was_before_is_left_out():
-    assert found({"battery": [Said(10.0, {"p": 5})]}, {}, since=11.0) == []
+    assert found({"battery": [RecordedReport(10.0, {"p": 5})]}, {}, since=11.0) == []

@@ -7,7 +7,7 @@ import pytest
 
 from fleet.link.tap import LinkFrame, LinkFrames
 from fleet.record.reading import ReadMessage
-from fleet.replay.recorded_robot import FRAMES, RecordedRobot, Said, recording_of, said_in
+from fleet.replay.recorded_robot import FRAMES, RecordedReport, RecordedRobot, recording_of, said_in
 
 
 def frame(at, direction="in", data=b"x"):
@@ -85,7 +85,7 @@ def test_it_is_whole_if_every_link_is_there_from_its_opening(found, whole):
 
 def test_a_report_is_what_it_says_without_its_stamps():
     said = said_in("battery", b'{"timestamp": 1, "stamp": 2, "percent": 80.5}', 5.0)
-    assert said == ("battery", Said(5.0, {"percent": 80.5}))
+    assert said == ("battery", RecordedReport(5.0, {"percent": 80.5}))
 
 
 @pytest.mark.parametrize(

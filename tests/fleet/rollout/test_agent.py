@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 
 from fleet.errors import Refused
 from fleet.rollout.bundle import HEAD, LARGEST, BundleError
-from fleet.rollout.edge_here import Applied, Code, Running
+from fleet.rollout.edge_here import ApplyResult, Code, Running
 from fleet.rollout.faults import PartFault
 from fleet.rollout.messages import SETTLED, BundleStage, DesiredState
 from fleet.rollout.signature import new_key
 from tests.tools.rollout import desired_of
 from tests.tools.rollout_yard import KEY, Yard
 
-MOVES = Applied(("rex: rebuilt: refused",), waits="rex: it is armed; disarm it first")
+MOVES = ApplyResult(("rex: rebuilt: refused",), waits="rex: it is armed; disarm it first")
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ async def test_a_change_of_a_flying_robot_is_reported_as_waiting_until_it_rests(
 
 @pytest.mark.parametrize(
     "outcome",
-    [Applied(failed="rex: it does not answer"), Refused("edge yard-1: another change is under way")],
+    [ApplyResult(failed="rex: it does not answer"), Refused("edge yard-1: another change is under way")],
 )
 async def test_a_bundle_that_fails_is_rolled_back(yard, outcome):
     yard.here.outcomes = [outcome]
@@ -72,7 +72,7 @@ async def test_an_edge_that_gets_less_healthy_rolls_back(yard):
         content = yard.installation.file_in_use.read_bytes()
         faults = (PartFault("rex", "fault", "motor 3"),) if b"version 2" in content else ()
         yard.here.state = Running("degraded" if faults else "ok", "", 0.0, faults)
-        return Applied()
+        return ApplyResult()
 
     yard.here.apply = gets_worse
     await yard.want(2, settle=3.0)
@@ -82,7 +82,7 @@ async def test_an_edge_that_gets_less_healthy_rolls_back(yard):
 
 
 async def test_a_rollback_that_has_to_wait_continues_until_it_is_complete(yard):
-    yard.here.outcomes = [Applied(failed="rex: no answer"), MOVES]
+    yard.here.outcomes = [ApplyResult(failed="rex: no answer"), MOVES]
     await yard.want(2)
     assert (await yard.report()).stage is BundleStage.RETURNING
     assert yard.text == "version 1"
@@ -275,7 +275,7 @@ def dying(call, left):
     return dies
 
 
-OUTCOMES = (Applied(), MOVES, Applied(failed="rex: it does not answer"), Refused("edge yard-1: no"))
+OUTCOMES = (ApplyResult(), MOVES, ApplyResult(failed="rex: it does not answer"), Refused("edge yard-1: no"))
 steps = st.lists(
     st.one_of(
         st.tuples(st.just("want"), st.integers(1, 6), st.lists(st.sampled_from(OUTCOMES), max_size=3)),

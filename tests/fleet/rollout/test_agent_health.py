@@ -4,14 +4,14 @@ import msgspec
 import pytest
 
 from fleet.rollout.agent import GONE_FOR
-from fleet.rollout.edge_here import Applied, Running
+from fleet.rollout.edge_here import ApplyResult, Running
 from fleet.rollout.faults import PartFault
 from fleet.rollout.messages import BundleStage
 from tests.tools.rollout_yard import Yard
 
 BATTERY = PartFault("max", "degraded", "battery 9 %")
 MOTOR = PartFault("rex", "fault", "motor 3")
-WAITS = Applied(waits="edge yard-1 does not run; it starts with this bundle")
+WAITS = ApplyResult(waits="edge yard-1 does not run; it starts with this bundle")
 
 
 @pytest.fixture
@@ -72,7 +72,7 @@ async def test_a_report_names_three_parts_and_the_number_of_others(yard):
 
 async def test_a_restarted_agent_compares_with_the_faults_before_the_bundle(yard):
     yard.here.state = Running("degraded", "", 0.0, (BATTERY,))
-    yard.here.outcomes = [Applied(waits="rex: it is armed")]
+    yard.here.outcomes = [ApplyResult(waits="rex: it is armed")]
     await yard.want(2)
     yard.start()
     yard.here.state = Running("degraded", "", 0.0, (MOTOR,))
@@ -81,7 +81,7 @@ async def test_a_restarted_agent_compares_with_the_faults_before_the_bundle(yard
 
 
 async def test_with_the_record_of_an_older_version_the_health_of_the_whole_edge_is_compared(yard):
-    yard.here.outcomes = [Applied(waits="rex: it is armed")]
+    yard.here.outcomes = [ApplyResult(waits="rex: it is armed")]
     await yard.want(2)
     yard.installation.save_record(msgspec.structs.replace(yard.installation.record(), faults=None))
     yard.start()

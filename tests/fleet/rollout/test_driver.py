@@ -10,7 +10,7 @@ from fleet.rollout.agent import Agent
 from fleet.rollout.bundle import BundleError, sealed
 from fleet.rollout.decision import AgentRecord
 from fleet.rollout.driver import SILENT_FOR, Driver, RolloutMissing, RolloutRunning
-from fleet.rollout.edge_here import Applied
+from fleet.rollout.edge_here import ApplyResult
 from fleet.rollout.installation import Installation
 from fleet.rollout.messages import BundleStage
 from fleet.rollout.signature import by_name, new_key
@@ -23,7 +23,7 @@ KEY = new_key()
 EDGES = tuple(f"edge-{number:03}" for number in range(100))
 FAILS = {
     "it does not start": {"refuses": {b"version 2": BundleError("the file cannot be used")}},
-    "a robot does not come back": {"outcomes": [Applied(failed="rex: it does not answer")]},
+    "a robot does not come back": {"outcomes": [ApplyResult(failed="rex: it does not answer")]},
 }
 
 
@@ -148,9 +148,9 @@ async def test_a_bundle_that_no_edge_can_use_stops_in_the_first_wave(fleet, how)
 
 
 async def test_edges_that_wait_when_it_stops_roll_back(fleet):
-    waits = Applied(waits="rex: it is armed; disarm it first")
+    waits = ApplyResult(waits="rex: it is armed; disarm it first")
     fleet.fails(["edge-003"], outcomes=[waits] * 50)
-    fleet.fails(["edge-005"], outcomes=[Applied(failed="rex: it does not answer")])
+    fleet.fails(["edge-005"], outcomes=[ApplyResult(failed="rex: it does not answer")])
     progress = await fleet.roll_out(stop_if="failed > 0")
     fleet.edges["edge-003"][1].outcomes = []
     await fleet.settle()
@@ -160,7 +160,7 @@ async def test_edges_that_wait_when_it_stops_roll_back(fleet):
 
 
 async def test_a_wave_waits_for_a_robot_in_flight_until_its_time_is_over(fleet):
-    fleet.fails(["edge-000"], outcomes=[Applied(waits="rex: it is armed")] * 500)
+    fleet.fails(["edge-000"], outcomes=[ApplyResult(waits="rex: it is armed")] * 500)
     progress = await fleet.roll_out(within=30.0)
     assert (progress.phase, list(progress.statuses)) == (RolloutPhase.STOPPED, ["edge-000"])
 
@@ -176,7 +176,7 @@ async def test_an_edge_that_comes_back_when_it_is_overdue_installs_nothing(fleet
 
 
 async def test_an_overdue_edge_rolls_back_while_the_roll_out_continues(fleet):
-    fleet.fails(["edge-000"], outcomes=[Applied(waits="rex: it is armed")] * 35)
+    fleet.fails(["edge-000"], outcomes=[ApplyResult(waits="rex: it is armed")] * 35)
     progress = await fleet.roll_out(within=30.0, stop_if="failed > 5")
     await fleet.settle()
     assert (progress.phase, progress.statuses["edge-000"]) == (RolloutPhase.COMPLETED, EdgeStatus.OVERDUE)
@@ -186,7 +186,7 @@ async def test_an_overdue_edge_rolls_back_while_the_roll_out_continues(fleet):
 
 @pytest.mark.parametrize("how", ["it is aborted again", "another one begins"])
 async def test_withdrawals_are_written_again_after_an_interrupted_end(fleet, how):
-    fleet.fails(EDGES, outcomes=[Applied(waits="rex: it is armed")])
+    fleet.fails(EDGES, outcomes=[ApplyResult(waits="rex: it is armed")])
     await fleet.begin(waves="10,100%")
     await fleet.driver.turn()
     await fleet.sleep(1.0)
@@ -239,7 +239,7 @@ async def test_after_a_driver_detaches_another_one_drives_to_the_end(fleet, afte
 
 
 async def test_an_abort_rolls_back_edges_that_are_not_done(fleet):
-    fleet.fails(EDGES, outcomes=[Applied(waits="rex: it is armed")])
+    fleet.fails(EDGES, outcomes=[ApplyResult(waits="rex: it is armed")])
     await fleet.begin(waves="10,100%")
     await fleet.driver.turn()
     await fleet.sleep(1.0)

@@ -4,7 +4,7 @@ import pytest
 
 from fleet.model.change import Change, ChangeKind, Outcome
 from fleet.rollout.bundle import BundleError
-from fleet.rollout.edge_here import Applied, Code, LocalEdge, summary
+from fleet.rollout.edge_here import ApplyResult, Code, LocalEdge, summary
 
 FILE = "edge: {{id: {id}}}\nplugins: [plugins]\nrobots: !include robots.yaml\n"
 ROBOTS = '- {{name: rex, twin: 6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11, adapter: bot, link: "{link}"}}\n'
@@ -70,7 +70,7 @@ def test_an_edge_that_does_not_run_gets_the_bundle_at_its_start(here, tmp_path, 
     monkeypatch.setenv("FLEET_RUNTIME_DIR", str(tmp_path / "runtime"))
     folder_of(tmp_path / "current")
     assert here.running() is None
-    assert here.apply("alice") == Applied(waits="edge yard-1 does not run; it starts with this bundle")
+    assert here.apply("alice") == ApplyResult(waits="edge yard-1 does not run; it starts with this bundle")
     assert here.reload("bot") == ""
 
 
@@ -79,8 +79,8 @@ def test_changes_are_summed_up_with_one_line_each():
     waits = Change("max", ChangeKind.REBUILT, why="it is armed", outcome=Outcome.REFUSED)
     failed = Change("ada", ChangeKind.REBUILT, why="no answer", outcome=Outcome.FAILED)
     same = Change("bob", ChangeKind.UNTOUCHED)
-    assert summary([done, same]) == Applied(("rex: settings only: done",))
-    assert summary([done, waits, failed]) == Applied(
+    assert summary([done, same]) == ApplyResult(("rex: settings only: done",))
+    assert summary([done, waits, failed]) == ApplyResult(
         ("rex: settings only: done", "max: rebuilt: refused", "ada: rebuilt: failed"),
         failed="ada: no answer",
         waits="max: it is armed",

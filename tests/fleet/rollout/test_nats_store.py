@@ -14,7 +14,7 @@ from fleet.rollout.agent import Agent
 from fleet.rollout.bundle import LARGEST, BundleError, sealed
 from fleet.rollout.decision import AgentRecord
 from fleet.rollout.driver import Driver
-from fleet.rollout.edge_here import Applied
+from fleet.rollout.edge_here import ApplyResult
 from fleet.rollout.installation import Installation
 from fleet.rollout.messages import SETTLED, BundleStage, DesiredState, ObservedState
 from fleet.rollout.nats_store import Connection, NatsEdgeStore, NatsFleetStore
@@ -285,7 +285,7 @@ async def test_a_roll_out_to_a_hundred_fake_edges_on_one_server_stops_in_time(tm
             installation.save_record(AgentRecord(old, 1, old))
             installation.activate(old)
             here = FakeEdge(installation)
-            here.outcomes = [Applied(failed="rex: it does not answer")] * (name in failing)
+            here.outcomes = [ApplyResult(failed="rex: it does not answer")] * (name in failing)
             store = NatsEdgeStore(settings, name)
             agents[name] = Agent(name, installation, by_name([key.public]), store, here, clock=SystemClock())
         looking = [asyncio.create_task(agent.run(0.2)) for agent in agents.values()]

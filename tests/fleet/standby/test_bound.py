@@ -2,8 +2,8 @@
 
 import pytest
 
-from fleet.standby.bound import Bound, motion_from
-from fleet.standby.lease import LeaseEntry, Takeover, Terms
+from fleet.standby.bound import MotionBound, motion_from
+from fleet.standby.lease import LeaseEntry, LeaseTimes, Takeover
 
 
 @pytest.mark.parametrize(
@@ -12,8 +12,8 @@ from fleet.standby.lease import LeaseEntry, Takeover, Terms
 )
 def test_a_robot_is_moved_after_lease_setpoint_lease_and_its_own_failsafe(failsafe, orderly, begins):
     takeover = Takeover(LeaseEntry("a", "a-1", 7), 100.0, orderly)
-    assert motion_from(Bound(0.5, failsafe), takeover, Terms()) == begins
+    assert motion_from(MotionBound(0.5, failsafe), takeover, LeaseTimes()) == begins
 
 
 def test_the_bound_that_is_shown_counts_from_the_last_sign_of_the_holder():
-    assert Bound(0.5, 0.5).after(Terms().length) == 4.0
+    assert MotionBound(0.5, 0.5).after(LeaseTimes().length) == 4.0

@@ -7,10 +7,10 @@ import pytest
 
 from fleet.errors import StateError
 from fleet.standby.keeper import LeaseKeeper
-from fleet.standby.lease import Lease, LeaseState, Terms
+from fleet.standby.lease import Lease, LeaseState, LeaseTimes
 from tests.tools.waiting import wait_until
 
-TERMS = Terms(length=0.9, renewed_every=0.1, standstill=0.3, margin=0.05)
+TERMS = LeaseTimes(length=0.9, renewed_every=0.1, standstill=0.3, margin=0.05)
 
 
 class Store:

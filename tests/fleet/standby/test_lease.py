@@ -9,9 +9,17 @@ import pytest
 from hypothesis import given, settings, target
 from hypothesis import strategies as st
 
-from fleet.standby.lease import TRANSITIONS, Lease, LeaseAction, LeaseEntry, LeaseEvent, LeaseState, Terms
+from fleet.standby.lease import (
+    TRANSITIONS,
+    Lease,
+    LeaseAction,
+    LeaseEntry,
+    LeaseEvent,
+    LeaseState,
+    LeaseTimes,
+)
 
-TERMS = Terms()
+TERMS = LeaseTimes()
 STEP = 0.1  # s between two turns of a node
 PATIENCE = 0.7  # s for which a node waits for an answer
 

@@ -16,7 +16,7 @@ from fleet_quadruped.drives.base import Power
 from fleet_quadruped.drives.damping import DampingGroup
 from fleet_quadruped.drives.moteus import frames as wire
 from fleet_quadruped.drives.moteus.commission import Diagnostics, commission
-from fleet_quadruped.drives.moteus.frames import Demand
+from fleet_quadruped.drives.moteus.frames import ServoCommand
 from fleet_quadruped.drives.moteus.servo import MoteusServo
 from fleet_quadruped.drives.motor_units import Units
 from fleet_quadruped.robot.busload import fd_frame_seconds
@@ -103,7 +103,7 @@ class MoteusDrives(DampingGroup[MoteusServo]):
         self._want(Power.ENABLED)
         for servo, angle, speed, torque in zip(self._drives, *targets, strict=True):
             place, turning, pushed = servo.units.motor(angle, speed, torque)
-            demand = Demand(
+            demand = ServoCommand(
                 place / wire.TURN,
                 turning / wire.TURN,
                 pushed,

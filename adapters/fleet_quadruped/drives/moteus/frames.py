@@ -74,7 +74,7 @@ _CHANNEL = 1  # diagnostic channel
 _LONGEST = 40  # bytes of text in a frame
 
 
-class Demand(NamedTuple):
+class ServoCommand(NamedTuple):
     """Command of a servo: turns, turn/s, N m, shares of its gains, N m, s."""
 
     position: float
@@ -117,7 +117,7 @@ def pack_mode(mode: int) -> bytes:
     return _padded(_WRITE_MODE + bytes([mode]) + QUERY)
 
 
-def pack_demand(mode: int, demand: Demand) -> bytes:
+def pack_demand(mode: int, demand: ServoCommand) -> bytes:
     """Return a frame that sets a mode and its parameters, with a query.
 
     The position may be NaN: the present one. Raises ValueError for any other NaN and for infinity.

@@ -10,7 +10,7 @@ from fleet import CanFrame
 from fleet_quadruped.drives.base import NEVER, Power
 from fleet_quadruped.drives.damping import DampingDrive
 from fleet_quadruped.drives.moteus import frames as wire
-from fleet_quadruped.drives.moteus.frames import Demand
+from fleet_quadruped.drives.moteus.frames import ServoCommand
 
 _POWERS: Mapping[int, Power] = {
     wire.STOPPED: Power.DISABLED,
@@ -82,7 +82,7 @@ class MoteusServo(DampingDrive):
 
     def hold_limp(self, most: float) -> None:
         """Request position mode at the present position, without force; ``most``: N m of the motor."""
-        limp = Demand(math.nan, 0.0, 0.0, 0.0, 0.0, most, self.watchdog)
+        limp = ServoCommand(math.nan, 0.0, 0.0, 0.0, 0.0, most, self.watchdog)
         self.send(wire.pack_demand(wire.OBEYS, limp))
 
     def damp(self, kd: float) -> None:
@@ -91,7 +91,7 @@ class MoteusServo(DampingDrive):
             self.send(wire.pack_query())
             return
         share = min(1.0, kd / self.joint.kind.ratio**2 * wire.TURN / self.full_kd)
-        demand = Demand(math.nan, 0.0, 0.0, 0.0, share, self.torque_limit(), self.watchdog)
+        demand = ServoCommand(math.nan, 0.0, 0.0, 0.0, share, self.torque_limit(), self.watchdog)
         self.send(wire.pack_demand(wire.DAMPS, demand))
 
     def disable(self) -> None:

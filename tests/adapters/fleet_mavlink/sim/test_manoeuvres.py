@@ -15,18 +15,18 @@ from fleet_mavlink.sim.manoeuvres import (
     GoToManoeuvre,
     Idle,
     Land,
+    OnGround,
     Return,
     Sink,
     Takeoff,
     Turn,
-    Unflown,
     aim_at,
     braked,
     hold,
     place_of,
     resting,
 )
-from fleet_mavlink.sim.physics import Agility, Aim, Body
+from fleet_mavlink.sim.physics import Agility, Body, MotionTarget
 
 SPEEDS = {"cruise": 5.0, "top": 8.0, "climb": 2.5, "sink": 1.5, "takeoff": 2.0, "landing": (1.5, 0.5, 10.0)}
 coordinate = st.floats(-500, 500)
@@ -67,7 +67,7 @@ def test_no_goal_is_flown_to_faster_than_its_speed_nor_climbed_to_faster_than_it
 
 
 def test_at_its_goal_it_asks_for_no_motion():
-    assert aim_at(pilot_of(Body()), Body(), 5.0, None) == Aim(0.0, 0.0, 0.0, None)
+    assert aim_at(pilot_of(Body()), Body(), 5.0, None) == MotionTarget(0.0, 0.0, 0.0, None)
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,7 @@ def test_on_the_ground_a_hold_is_rest():
 
 def test_a_goal_that_is_given_on_the_ground_is_kept_and_not_flown():
     kept = resting(GoToManoeuvre(1.0, 2.0, -3.0))
-    assert type(kept) is Unflown
+    assert type(kept) is OnGround
     assert place_of(kept) == (1.0, 2.0, -3.0)
     assert not kept.aim(pilot_of(Body())).thrust
     assert type(resting(Sink(1.0))) is Idle
@@ -160,7 +160,7 @@ def test_an_old_velocity_is_a_standstill():
     pilot.time = 1.0
     assert drive.aim(pilot).vn == 3.0
     pilot.time = 1.01
-    assert drive.aim(pilot) == Aim()
+    assert drive.aim(pilot) == MotionTarget()
 
 
 @pytest.mark.parametrize(

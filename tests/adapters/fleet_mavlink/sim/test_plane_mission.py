@@ -9,7 +9,7 @@ from fleet_mavlink.sim.local_frame import LocalFrame
 from fleet_mavlink.sim.mission_items import Item
 from fleet_mavlink.sim.physics import Agility
 from fleet_mavlink.sim.plane_mission import WingedMission
-from fleet_mavlink.sim.plane_moves import LandingApproach, Pass, RunwayTakeoff
+from fleet_mavlink.sim.plane_moves import FlyOver, LandingApproach, RunwayTakeoff
 from fleet_mavlink.sim.plane_physics import WingedBody
 
 PLACE = (47.397742, 8.545594, 488.0)
@@ -50,7 +50,7 @@ def flown(pilot, manoeuvre, seconds):
 
 
 @pytest.mark.parametrize(
-    ("command", "kind"), [(WAYPOINT, Pass), (LAND, LandingApproach), (TAKEOFF, RunwayTakeoff)]
+    ("command", "kind"), [(WAYPOINT, FlyOver), (LAND, LandingApproach), (TAKEOFF, RunwayTakeoff)]
 )
 def test_each_item_has_its_manoeuvre(pilot, command, kind):
     assert type(MAKE[command](pilot, item(command))) is kind

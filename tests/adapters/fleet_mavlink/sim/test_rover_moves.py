@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import pytest
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.physics import Agility, Aim
-from fleet_mavlink.sim.rover_moves import DISARMED, HELD, TIMED_OUT, Coast, DriveToPosition, Roll
+from fleet_mavlink.sim.physics import Agility, MotionTarget
+from fleet_mavlink.sim.rover_moves import DISARMED, HELD, TIMED_OUT, Coast, DriveAtSpeed, DriveToPosition
 from fleet_mavlink.sim.rover_physics import WheeledBody
 
 ACCEPTED = 0
@@ -64,7 +64,7 @@ def pilot_of(**body):
 @pytest.mark.parametrize("easing", [0.0, HELD, DISARMED])
 def test_coasting_is_no_motion_with_its_time_constant(easing):
     pilot = pilot_of()
-    assert Coast(easing).aim(pilot) == Aim()
+    assert Coast(easing).aim(pilot) == MotionTarget()
     assert pilot.body.easing == easing
     assert Coast(easing).in_air_state == 0
 
@@ -72,24 +72,24 @@ def test_coasting_is_no_motion_with_its_time_constant(easing):
 @pytest.mark.parametrize(("speed", "heading"), [(2.0, 0.0), (2.0, math.pi / 2), (-1.0, 0.0)])
 def test_it_rolls_along_its_nose_faster_than_it_was_asked_to_and_in_reverse(speed, heading):
     pilot = pilot_of(heading=heading)
-    aim = Roll(speed, None, 0.25, until=1.0).aim(pilot)
+    aim = DriveAtSpeed(speed, None, 0.25, until=1.0).aim(pilot)
     ahead = 1.15 * speed
     assert (aim.vn, aim.ve) == pytest.approx((ahead * math.cos(heading), ahead * math.sin(heading)))
     assert (aim.turn_rate, aim.heading, pilot.body.backwards) == (0.25, None, speed < 0)
 
 
 def test_a_heading_that_is_given_is_driven_to():
-    aim = Roll(2.0, math.pi / 2, 0.0, until=1.0).aim(pilot_of())
+    aim = DriveAtSpeed(2.0, math.pi / 2, 0.0, until=1.0).aim(pilot_of())
     assert (aim.vn, aim.ve, aim.heading) == pytest.approx((0.0, 2.3, math.pi / 2))
 
 
 def test_an_old_setpoint_stops_it_with_one_warning():
     pilot = pilot_of()
-    roll = Roll(2.0, None, 0.0, until=3.0)
+    roll = DriveAtSpeed(2.0, None, 0.0, until=3.0)
     pilot.time = 3.0
     assert roll.aim(pilot).vn > 0.0
     pilot.time = 3.01
-    assert [roll.aim(pilot) for _ in range(3)] == [Aim()] * 3
+    assert [roll.aim(pilot) for _ in range(3)] == [MotionTarget()] * 3
     assert pilot.said == [(4, "target not received last 3secs, stopping")]
     assert pilot.body.easing == TIMED_OUT
 
@@ -100,7 +100,7 @@ def test_a_place_is_reached_within_thirty_five_centimetres(away, done):
     drive = DriveToPosition(0.0, 0.0)
     aim = drive.aim(pilot)
     assert drive.done is done
-    assert (aim == Aim()) is done
+    assert (aim == MotionTarget()) is done
 
 
 def test_a_place_that_was_reached_stays_so_and_is_driven_to_in_reverse_if_it_is_told_so():
@@ -108,7 +108,7 @@ def test_a_place_that_was_reached_stays_so_and_is_driven_to_in_reverse_if_it_is_
     drive = DriveToPosition(0.0, 0.0)
     drive.aim(pilot)
     pilot.body.north = 5.0
-    assert drive.aim(pilot) == Aim()
+    assert drive.aim(pilot) == MotionTarget()
     pilot.reversed = True
     DriveToPosition(0.0, 0.0).aim(pilot)
     assert pilot.body.backwards

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from fleet import Quaternion, Vector3
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.measured import ZEROS, MeasuredImu, Sense
+from fleet_quadruped.body.measured import ZEROS, BodyMeasurement, MeasuredImu
 from fleet_quadruped.body.odometry import LegOdometry, body_twist
 
 PLACES = ((0.2, 0.1), (0.2, -0.1), (-0.2, 0.1), (-0.2, -0.1))
@@ -34,13 +34,15 @@ def test_one_foot_is_enough_when_the_turn_is_known(x, y, turn):
 def test_a_dog_whose_joints_rest_stays_where_it_is(dog):
     odometry = LegOdometry(dog.legs, dog.geometry.foot_radius)
     for _ in range(50):
-        odometry.update(0.01, Sense(dog.stance(0.27), ZEROS, None), [True] * 4)
+        odometry.update(0.01, BodyMeasurement(dog.stance(0.27), ZEROS, None), [True] * 4)
     assert (odometry.x, odometry.y, odometry.yaw) == (0.0, 0.0, 0.0)
 
 
 def test_the_heading_is_the_imus_and_the_way_goes_along_it(dog):
     odometry = LegOdometry(dog.legs, dog.geometry.foot_radius)
-    walked = Sense(dog.stance(0.27), (0.0, 0.5, 0.0) * 4, MeasuredImu(WEST, Vector3(), Vector3(0, 0, 9.81)))
+    walked = BodyMeasurement(
+        dog.stance(0.27), (0.0, 0.5, 0.0) * 4, MeasuredImu(WEST, Vector3(), Vector3(0, 0, 9.81))
+    )
     for _ in range(50):
         odometry.update(0.01, walked, [0.25] * 4)
     assert odometry.yaw == pytest.approx(WEST.yaw)
@@ -49,7 +51,7 @@ def test_the_heading_is_the_imus_and_the_way_goes_along_it(dog):
 
 def test_without_a_standing_foot_nothing_is_known(dog):
     odometry = LegOdometry(dog.legs, dog.geometry.foot_radius)
-    odometry.update(0.01, Sense(dog.stance(0.27), (1.0,) * 12, None), [False] * 4)
+    odometry.update(0.01, BodyMeasurement(dog.stance(0.27), (1.0,) * 12, None), [False] * 4)
     assert odometry.twist == Twist()
 
 
@@ -60,7 +62,7 @@ def test_a_foot_counts_as_much_as_it_bears():
 
 def test_how_the_body_sways_over_its_feet_is_no_part_of_its_velocity(dog):
     odometry = LegOdometry(dog.legs, dog.geometry.foot_radius)
-    joints = Sense(dog.stance(0.27), (0.1, 0, 0, 0.1, 0, 0) * 2, None)
+    joints = BodyMeasurement(dog.stance(0.27), (0.1, 0, 0, 0.1, 0, 0) * 2, None)
     for _ in range(100):
         odometry.update(0.01, joints, [0.25] * 4)
     swaying = odometry.twist

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from fleet import Quaternion, Vector3
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.measured import ZEROS, MeasuredImu, Sense
+from fleet_quadruped.body.measured import ZEROS, BodyMeasurement, MeasuredImu
 from fleet_quadruped.body.walk import Walker
 from fleet_quadruped.robot.description import EXAMPLE, leg_angles, load_description
 
@@ -25,14 +25,14 @@ class Led:
         self.walker = Walker(DOG)
         self.walker.stand(height)
         self.imu, self.held = imu, held
-        self.sense = Sense(DOG.stance(height), ZEROS, imu)
+        self.sense = BodyMeasurement(DOG.stance(height), ZEROS, imu)
 
     def go(self, seconds, twist=Twist()):  # noqa: B008
         """Return the targets of each cycle."""
         seen = []
         for _ in range(round(seconds / DT)):
             targets = self.walker.step(DT, twist, self.sense)
-            self.sense = Sense(targets.angles, ZEROS if self.held else targets.speeds, self.imu)
+            self.sense = BodyMeasurement(targets.angles, ZEROS if self.held else targets.speeds, self.imu)
             seen.append(targets)
         return seen
 
@@ -207,7 +207,7 @@ def test_to_stand_is_a_new_beginning():
     led = Led()
     led.go(1.3, Twist(0.5))
     led.walker.stand(0.2)
-    led.sense = Sense(DOG.stance(0.2), ZEROS, LEVEL)
+    led.sense = BodyMeasurement(DOG.stance(0.2), ZEROS, LEVEL)
     assert (led.walker.walking, led.walker.height, led.walker.wanted_height) == (False, 0.2, 0.2)
     targets = led.go(DT)[-1]
     assert targets.angles == pytest.approx(DOG.stance(0.2), abs=1e-9)

@@ -7,7 +7,7 @@ import pytest
 
 from fleet import CanFrame
 from fleet_quadruped.drives.moteus import frames as wire
-from fleet_quadruped.drives.moteus.frames import Demand
+from fleet_quadruped.drives.moteus.frames import ServoCommand
 from fleet_quadruped.sim.moteus import SimMoteus
 from fleet_quadruped.sim.world import SimMotor
 
@@ -33,7 +33,7 @@ class Bench:
         return self
 
     def demand(self, mode=wire.OBEYS, *, turns=math.nan, speed=0.0, torque=0.0, kp=1.0, kd=1.0, watchdog=0.1):
-        return self.send(wire.pack_demand(mode, Demand(turns, speed, torque, kp, kd, 5.0, watchdog)))
+        return self.send(wire.pack_demand(mode, ServoCommand(turns, speed, torque, kp, kd, 5.0, watchdog)))
 
     def mode(self, mode):
         return self.send(wire.pack_mode(mode))
@@ -85,7 +85,7 @@ def test_only_a_frame_of_can_fd_to_it_that_asks_is_answered(bench, identifier, f
 
 @pytest.mark.parametrize("identifier", [SERVO, 0x103, 0x703])
 def test_any_frame_whose_low_byte_is_its_id_is_obeyed(bench, identifier):
-    data = wire.pack_demand(wire.OBEYS, Demand(math.nan, 0.0, 0.0, 1.0, 1.0, 5.0, 1.0))
+    data = wire.pack_demand(wire.OBEYS, ServoCommand(math.nan, 0.0, 0.0, 1.0, 1.0, 5.0, 1.0))
     bench.send(data, identifier=identifier).go(2 * DT)
     assert bench.servo.mode == wire.OBEYS
 

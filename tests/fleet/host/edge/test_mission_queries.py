@@ -11,8 +11,8 @@ from fleet.config.missions import mission_of
 from fleet.errors import Refused
 from fleet.host.edge.mission_queries import SHOWN, MissionQueries
 from fleet.missions.report import MissionStartRequest, RunControlRequest, RunState
-from fleet.missions.state import Head, Phase, RunMember
-from fleet.missions.store import About, RunLogEntry
+from fleet.missions.state import Phase, RunHead, RunMember
+from fleet.missions.store import RunLogEntry, RunOrigin
 from fleet.model.command import Transport
 
 GO = {"version": 1, "roles": {"eye": {"from": "rex"}}, "steps": [{"id": "go", "do": {"eye": "walk"}}]}
@@ -187,7 +187,7 @@ def state(run):
 
 
 def past(run):
-    return About(run, "patrol", "", 1.0), Head(Phase.ENDED), [RunMember("rex", "eye", 0)]
+    return RunOrigin(run, "patrol", "", 1.0), RunHead(Phase.ENDED), [RunMember("rex", "eye", 0)]
 
 
 @pytest.mark.parametrize(

@@ -66,9 +66,9 @@ async def test_a_robot_that_blocks_the_loop_is_named_with_the_place_and_no_other
 
 async def test_a_third_block_in_a_minute_is_a_quarantine_with_the_advice_of_a_worker(served, requests):
     process, place = served
-    strikes = process.robots["rex"].runner._strikes
+    failures = process.robots["rex"].runner._failures
     for _ in range(20):  # on a busy machine the watchdog is late too, and then blames nobody
-        if not strikes.are_out and "quarantined" not in process.robots["rex"].state().cause:
+        if not failures.exceeded and "quarantined" not in process.robots["rex"].state().cause:
             await block_as(process, "rex")
             await asyncio.sleep(0.1)
     await requests.until(lambda: "quarantined" in process.robots["rex"].state().cause)

@@ -13,7 +13,7 @@ from fleet.clock import SystemClock
 from fleet.host.runtime.loop_monitor import LoopMonitor
 from fleet.host.runtime.threads import NAME
 from fleet.host.runtime.tick_scheduler import TickScheduler
-from fleet.host.runtime.watchdog import BLOCKED, PERIOD, STUCK, LoopWatch, Watchdog, Watched
+from fleet.host.runtime.watchdog import BLOCKED, PERIOD, STUCK, LoopWatch, Watchdog, WatchedRobot
 from fleet.host.safety.deadman import DeadMan
 from fleet.link.url import open_link
 from fleet.runtime.event_loop import OWNER
@@ -48,7 +48,7 @@ class Watch:
                 raise ZeroDivisionError("oops")
 
         deadman = DeadMan()
-        self.dog.add(name, Watched(deadman, halt, lambda: self.events.append(("expired", name))))
+        self.dog.add(name, WatchedRobot(deadman, halt, lambda: self.events.append(("expired", name))))
         return deadman
 
     def looks(self, seconds, *, every=PERIOD, beats=False, cpu=0.0, waited=0.0):
@@ -193,7 +193,7 @@ def test_nothing_that_fails_keeps_the_watchdog_from_the_next_look(watch, part):
     dog = Watchdog(watch.clock, LoopWatch(**(parts | {part: fail})))
     events = []
     deadman = DeadMan()
-    dog.add("rex", Watched(deadman, lambda: events.append("halt"), lambda: None))
+    dog.add("rex", WatchedRobot(deadman, lambda: events.append("halt"), lambda: None))
     dog.check(watch.clock.monotonic())
     deadman.feed(watch.clock.monotonic(), 0.1)
     watch.clock.advance(1)
@@ -204,7 +204,7 @@ def test_nothing_that_fails_keeps_the_watchdog_from_the_next_look(watch, part):
 
 def test_a_robot_whose_place_another_takes_is_watched_no_more(watch):
     watch.robot("rex").feed(watch.clock.monotonic(), 0.1)
-    watch.dog.add("rex", Watched(DeadMan(), lambda: watch.events.append("halt"), lambda: None))
+    watch.dog.add("rex", WatchedRobot(DeadMan(), lambda: watch.events.append("halt"), lambda: None))
     watch.looks(0.5, beats=True)
     assert watch.events == []
 
@@ -212,7 +212,7 @@ def test_a_robot_whose_place_another_takes_is_watched_no_more(watch):
 def test_a_robot_that_drives_when_its_watch_begins_is_stopped_when_its_lease_ends(watch):
     deadman = DeadMan()
     deadman.feed(watch.clock.monotonic(), 0.2)
-    watch.dog.add("rex", Watched(deadman, lambda: watch.events.append("halt"), lambda: None))
+    watch.dog.add("rex", WatchedRobot(deadman, lambda: watch.events.append("halt"), lambda: None))
     watch.looks(0.3, beats=True)
     join_aside()
     assert watch.events == ["halt"]
@@ -241,7 +241,7 @@ class Stuck:
                 stuck=lambda name: None,
             ),
         )
-        self.dog.add("rex", Watched(self.deadman, self.halt, lambda: None))
+        self.dog.add("rex", WatchedRobot(self.deadman, self.halt, lambda: None))
 
     def halt(self):
         self.halts.append(time.monotonic())
@@ -385,7 +385,7 @@ async def test_a_log_that_is_stuck_does_not_stop_the_watchdog(stuck):
     )
     halted = threading.Event()
     deadman = DeadMan()
-    dog.add("rex", Watched(deadman, halted.set, lambda: None))
+    dog.add("rex", WatchedRobot(deadman, halted.set, lambda: None))
     dog.start()
     await asyncio.sleep(0.1)
     deadman.feed(time.monotonic(), 0.05)
@@ -416,7 +416,7 @@ def test_a_look_that_fails_is_not_the_last(monkeypatch):
         return look(now)
 
     monkeypatch.setattr(dog, "check", fail_once)
-    dog.add("rex", Watched(deadman, halted.set, lambda: None))
+    dog.add("rex", WatchedRobot(deadman, halted.set, lambda: None))
     dog.start()
     assert failed.wait(20)
     deadman.feed(time.monotonic(), 0.05)
@@ -426,7 +426,7 @@ def test_a_look_that_fails_is_not_the_last(monkeypatch):
 
 def test_a_halt_that_is_held_up_does_not_keep_the_others_moving(watch):
     free, deadman = threading.Event(), DeadMan()
-    watch.dog.add("bad", Watched(deadman, free.wait, lambda: None))
+    watch.dog.add("bad", WatchedRobot(deadman, free.wait, lambda: None))
     for one in (deadman, watch.robot("good")):
         one.feed(watch.clock.monotonic(), 0.2)
     watch.clock.advance(0.2)

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet_quadruped.drives.moteus import frames as wire
-from fleet_quadruped.drives.moteus.frames import Demand
+from fleet_quadruped.drives.moteus.frames import ServoCommand
 
 
 def test_the_example_of_the_protocols_document_is_understood():
@@ -21,7 +21,7 @@ def test_the_example_of_the_protocols_document_is_understood():
 
 
 def test_a_golden_command():
-    demand = Demand(0.5, 0.25, 1.0, 0.5, 0.25, 8.0, 0.125)
+    demand = ServoCommand(0.5, 0.25, 1.0, 0.5, 0.25, 8.0, 0.125)
     assert (
         wire.pack_demand(wire.OBEYS, demand).hex()
         == (
@@ -31,7 +31,7 @@ def test_a_golden_command():
 
 
 def test_frames_have_a_length_that_can_fd_has():
-    demand = Demand(*[0.0] * 7)
+    demand = ServoCommand(*[0.0] * 7)
     for data in (wire.pack_demand(10, demand), wire.pack_mode(0), wire.pack_query(), wire.pack_text("x\n")):
         assert len(data) in {8, 12, 16, 20, 24, 32, 48, 64}
         assert wire.unpack(data) is not None
@@ -48,9 +48,9 @@ def test_what_is_no_number_is_not_sent(place):
     values = [0.0] * 7
     values[place] = math.nan
     with pytest.raises(ValueError, match="cannot send"):
-        wire.pack_demand(10, Demand(*values))
+        wire.pack_demand(10, ServoCommand(*values))
     with pytest.raises(ValueError, match="cannot send"):
-        wire.pack_demand(10, Demand(math.inf, *[0.0] * 6))
+        wire.pack_demand(10, ServoCommand(math.inf, *[0.0] * 6))
 
 
 def test_a_servo_hears_every_frame_whose_low_byte_is_its_id():

@@ -9,7 +9,7 @@ from fleet.model.geometry import Vector3
 LOST = 2.0  # s without a report after which a robot is no longer followed
 
 
-class Whereabouts:
+class RelativePositions:
     """Positions of others in the frame of ``among``, one robot's keeper; None while it has none."""
 
     def __init__(self) -> None:

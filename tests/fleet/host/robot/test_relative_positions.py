@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from fleet.errors import NotReady
-from fleet.host.robot.whereabouts import LOST, Whereabouts
+from fleet.host.robot.relative_positions import LOST, RelativePositions
 from fleet.model.geometry import Vector3
 from fleet.model.site import Placement
 
@@ -24,16 +24,16 @@ HERE = Placement()
 
 
 def keeper(placement=HERE, **seen):
-    whereabouts = Whereabouts()
-    whereabouts.among = SimpleNamespace(name="rex", placement=placement, others=Others(**seen))
-    return whereabouts
+    positions = RelativePositions()
+    positions.among = SimpleNamespace(name="rex", placement=placement, others=Others(**seen))
+    return positions
 
 
 def test_a_position_is_given_in_the_world_of_the_robot_that_follows():
-    whereabouts = keeper(Placement(Vector3(10.0, 0.0)), max=(Vector3(12.0, 3.0), 0.5))
-    at, age = whereabouts.of("max")
+    positions = keeper(Placement(Vector3(10.0, 0.0)), max=(Vector3(12.0, 3.0), 0.5))
+    at, age = positions.of("max")
     assert ((at.x, at.y, at.z), age) == ((2.0, 3.0, 0.0), 0.5)
-    assert whereabouts.trouble("max") == ""
+    assert positions.trouble("max") == ""
 
 
 def test_the_edge_of_the_age_still_counts_and_more_does_not():
@@ -43,16 +43,16 @@ def test_the_edge_of_the_age_still_counts_and_more_does_not():
 
 
 @pytest.mark.parametrize(
-    ("whereabouts", "other", "why"),
+    ("positions", "other", "why"),
     [
-        (Whereabouts(), "max", "it is not placed in the site's frame, and cannot follow max"),
+        (RelativePositions(), "max", "it is not placed in the site's frame, and cannot follow max"),
         (keeper(placement=None), "max", "rex is not placed in the site's frame, and cannot follow max"),
         (keeper(), "max", "the position of max in the frame of rex is unknown"),
         (keeper(rex=(Vector3(), 0.0)), "rex", "the position of rex in the frame of rex is unknown"),
     ],
 )
-def test_what_is_not_known_is_refused_with_the_reason(whereabouts, other, why):
+def test_what_is_not_known_is_refused_with_the_reason(positions, other, why):
     with pytest.raises(NotReady) as refused:
-        whereabouts.of(other)
+        positions.of(other)
     assert refused.value.reason == why
-    assert why in whereabouts.trouble(other)
+    assert why in positions.trouble(other)

@@ -35,7 +35,7 @@ _NEWEST = frozenset(
 _SECOND = 1_000_000_000
 
 
-class Past:
+class RecordedFolder:
     """One folder of recordings, possibly one in progress. For one thread at a time."""
 
     def __init__(self, folder: Path) -> None:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-STRIKES = 3
-STRIKE_WINDOW = 60.0  # s
+MOST_FAILURES = 3
+FAILURE_WINDOW = 60.0  # s
 
 
-class Strikes:
+class FailureCounter:
     """Recent failures of one adapter."""
 
     def __init__(self) -> None:
@@ -14,12 +14,12 @@ class Strikes:
 
     def count(self, now: float) -> None:
         """Count a failure at ``now`` (monotonic s)."""
-        self._times = (*self._times, now)[-STRIKES:]
+        self._times = (*self._times, now)[-MOST_FAILURES:]
 
     @property
-    def are_out(self) -> bool:
-        """True when ``STRIKES`` failures occurred within the window."""
-        return len(self._times) == STRIKES and self._times[-1] - self._times[0] <= STRIKE_WINDOW
+    def exceeded(self) -> bool:
+        """True when ``MOST_FAILURES`` failures occurred within the window."""
+        return len(self._times) == MOST_FAILURES and self._times[-1] - self._times[0] <= FAILURE_WINDOW
 
     def clear(self) -> None:
         """Clear the failures, because a person lifted the quarantine."""
