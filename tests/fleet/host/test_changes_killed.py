@@ -31,7 +31,7 @@ STEPS = (
     "fleet.host.process.robot_process:RobotProcess.drop",
     "fleet.host.process.twin_holders:TwinHolders.give_up",
     "fleet.host.robot.local_robot:LocalRobot.configure",
-    "fleet.host.edge.changes:ConfigurationChanges._take_sections",
+    "fleet.host.edge.changes:ConfigurationChanges._apply_sections",
     "fleet.host.edge.last_configuration:create_folder",
 )
 """Where the edge is killed: before a robot is built, known to stops, known to all, run, and so on."""

@@ -8,7 +8,7 @@ import pytest
 
 from fleet.adapter import ADAPTER_API, OLDEST_ADAPTER_API, FrameAdapter
 from fleet.commands import BadDeclaration
-from fleet.plugins.drop_in_file import Unusable, checked, import_file, insecure, outdated, why
+from fleet.plugins.drop_in_file import Unusable, checked, import_file, insecure, outdated, reason_of
 from fleet.robot_config import AdapterConfig
 
 TOY = """
@@ -218,7 +218,7 @@ def test_a_file_that_is_no_python_is_refused(tmp_path):
 
 @pytest.mark.parametrize("error", [Unusable("it lacks wheels"), BadDeclaration("dock has no types")])
 def test_what_is_said_of_a_class_needs_no_place(error, file):
-    assert why(error, file) == str(error)
+    assert reason_of(error, file) == str(error)
 
 
 def test_a_file_that_is_gone_is_not_trusted(tmp_path):

@@ -26,7 +26,7 @@ class Robot:
         if name != "loss":
             raise ValueError("there is no fault " + name)
         self.faults[name] = value
-    def look(self):
+    def true_state(self):
         return {"x": 1.5}
     def close(self):
         self.closed = True

@@ -15,7 +15,7 @@ from cyberwave.data.header import HeaderTemplate
 from fleet.host.logs.line_format import JsonFormatter
 from fleet.host.logs.rotating_file import RotatingLogFile
 from fleet.host.process.robot_runs import RobotRuns
-from fleet.host.process.setpoints import take
+from fleet.host.process.setpoints import receive_setpoint
 from fleet.host.requests.receipt import Receipt
 from fleet.host.requests.stop_cause import local_cause
 from fleet.host.runtime.watchdog import BLOCKED
@@ -238,7 +238,7 @@ async def test_a_recorded_velocity_that_is_played_on_the_bus_moves_nothing_and_i
     served, requests, caplog
 ):
     process, place = served
-    arrived = partial(take, process.robots["rex"], "motion", process.loop)
+    arrived = partial(receive_setpoint, process.robots["rex"], "motion", process.loop)
     sample = HeaderTemplate("application/json")
     arrived(sample.pack(b'{"linear_x": 0.2}', ts=time.time() - 60))
     await requests.until(lambda: "refused a setpoint of the bus" in caplog.text)
@@ -282,9 +282,9 @@ async def test_what_waited_too_long_for_the_loop_is_refused_but_a_stop(served, k
     process, _ = served
     robot = process.robots["rex"]
     answers = []
-    take = robot.read(kind, json.dumps(message).encode(), transport=Transport.BUS)
+    request = robot.read(kind, json.dumps(message).encode(), transport=Transport.BUS)
     robot.requests._clock = ManualClock(monotonic=robot.clock.monotonic() + waited)
-    take(answers.append)
+    request(answers.append)
     late = [answer for answer in answers if "held up" in answer.reason]
     assert bool(late) is not taken
 
@@ -319,8 +319,8 @@ MISSPELT = [
 async def test_misspelt_data_moves_nothing_by_any_way_in(served, requests, kind, message, transport):
     process, place = served
     answers = []
-    take = process.robots["rex"].read(kind, json.dumps(message).encode(), transport=transport)
-    take(answers.append)
+    request = process.robots["rex"].read(kind, json.dumps(message).encode(), transport=transport)
+    request(answers.append)
     await requests.settle()
     assert [answer.ok for answer in answers] == [False]
     assert "did you mean" in answers[0].reason
