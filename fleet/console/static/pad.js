@@ -1,7 +1,8 @@
 // The pad: a robot moves only while a button or key is held. It sends ten velocities per second, and one zero
 // at the end. It ends at release, when the page loses the focus or is hidden, when the connection closes,
 // when a round trip takes longer than LATE, and at Esc. A pad that ended for a fault must be pressed again. A
-// gamepad moves the robot only while a shoulder button is held, and only after its sticks were seen centred.
+// gamepad moves the robot only while a shoulder button is held, and only after its sticks were seen centred. A
+// pad that has moved on the page must be pressed again, since the pointer may have been on something else.
 
 import { element } from "./dom.js";
 import { onClose, onDrove, send, silentFor } from "./store.js";
@@ -24,6 +25,7 @@ const IDLE = "Hold a button, W A S D, or a shoulder button of a gamepad and push
 const GAMEPAD = "gamepad"; // stands in ``held`` beside the axes
 const SHOULDERS = [4, 5, 6, 7]; // buttons of the standard gamepad: both shoulders, both triggers
 const DEAD = 0.15; // dead zone, as a share of a stick's range
+const SETTLED = 500; // ms after the pad has moved on the page: a press until then was meant for something else
 const LOOK = 50; // ms between polls of the gamepad, which sends no events
 const held = new Set();
 let sticks = {}; // share of the limit, by axis
@@ -33,6 +35,8 @@ const open = new Map(); // time of sending, by number
 let pad = null; // {robot, limits, share, words}
 let timer = 0;
 let number = 0;
+let top = null; // its place on the page, px
+let movedAt = -Infinity;
 
 function velocity() {
   const limits = { ...USUAL, ...pad.limits };
@@ -115,6 +119,7 @@ function button(name) {
   const made = element("button", { type: "button", class: `axis ${name}`, title: `${title} (${key.toUpperCase()})`, "aria-label": title, "aria-keyshortcuts": key.toUpperCase() }, sign);
   made.addEventListener("pointerdown", (event) => {
     if (event.button) return;
+    if (performance.now() - movedAt < SETTLED) return say("The pad has moved. Press again.", "bad");
     made.setPointerCapture(event.pointerId);
     begin(name);
   });
@@ -133,6 +138,12 @@ export function padOf(robot, told) {
   pad = { robot: robot.id, limits: told.limits || {}, share: SHARE, words };
   speed.addEventListener("input", () => (pad.share = Number(speed.value)));
   return element("div", { class: "pad", tabindex: "0", role: "group", "aria-label": "Drive by hand", onkeydown: pressed }, element("div", { class: `axes ${flies ? "flies" : ""}` }, ...names.map(button)), element("label", {}, element("small", {}, "speed"), speed), words);
+}
+
+// Record where the pad is; a press right after it has moved does nothing.
+export function movePad(place) {
+  if (pad && top !== null && place !== top) movedAt = performance.now();
+  top = pad ? place : null;
 }
 
 export function noPad() {

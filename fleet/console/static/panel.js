@@ -6,7 +6,7 @@ import { configurationKey, configurations, startConfigurations } from "./configu
 import { bodyKey, bodyOf, startBody } from "./body.js";
 import { askButton, holder, isAnothers } from "./control.js";
 import { health, healthKey, missions, runs, schedules } from "./overview.js";
-import { noPad, padOf } from "./pad.js";
+import { movePad, noPad, padOf } from "./pad.js";
 import { photoKey, photoOf } from "./photo.js";
 import { endVideo, videoKey, videoOf } from "./video.js";
 import { plots, plotsKey, startPlots } from "./plots.js";
@@ -15,6 +15,7 @@ import { fit, map, view } from "./mapview.js";
 import { ask, label, onChange, send, staleness, store } from "./store.js";
 import { stoppedRobots } from "./stopview.js";
 
+const HOLDING = new Set(["stop", "hover", "brake"]);
 const HIDDEN = new Set(["release_emergency_stop", "emergency_stop", "join_run", "leave_run"]);
 const operates = () => store.permission !== "view";
 let causes = {};
@@ -22,7 +23,7 @@ let releasing = false;
 let opened = ""; // the command whose form is open
 
 function fact(word, value, extra = "") {
-  return [element("dt", {}, word), element("dd", {}, value, extra ? element("small", {}, ` ${extra}`) : "")];
+  return [element("dt", {}, word), element("dd", { title: value }, value, extra ? element("small", {}, ` ${extra}`) : "")];
 }
 
 function position(robot) {
@@ -31,6 +32,7 @@ function position(robot) {
   return pose.slice(0, 3).map((value) => value.toFixed(2)).join("  ");
 }
 
+// One line each, and always as many: the commands below must not move under the pointer.
 function facts(robot) {
   const yaw = store.poses[robot.id]?.[3];
   const armed = { true: "armed", false: "disarmed" }[robot.armed] || "";
@@ -46,8 +48,8 @@ function facts(robot) {
     ...fact("Control", holder(robot)),
     ...fact("Link", robot.reachable ? "reachable" : "not reachable", robot.age === null ? "never heard" : `heard ${duration(robot.age)} ago`),
     ...fact("Last command", robot.last_command ? `${robot.last_command}: ${robot.last_outcome}` : "–"),
-    ...(robot.separation ? fact("Separation", robot.separation) : []),
-    ...(robot.run ? fact("In run", robot.run) : []),
+    ...fact("Separation", robot.separation || "–"),
+    ...fact("In run", robot.run || "–"),
   );
 }
 
@@ -133,27 +135,31 @@ function commandButton(robot, command) {
   );
 }
 
-// The commands by purpose: those that move the robot, those that hold it, the others.
-function kinds(shown) {
-  const holding = new Set(["stop", "hover", "brake"]);
-  const found = [
-    ["Motion", shown.filter((command) => command.moves && !holding.has(command.name))],
-    ["Hold", shown.filter((command) => holding.has(command.name))],
-    ["Other commands", shown.filter((command) => !command.moves && !holding.has(command.name))],
-  ];
-  return found.filter(([, list]) => list.length);
+// Buttons of commands under a heading, and the form of one that was opened.
+function commandGroup(robot, heading, list) {
+  if (!list.length) return null;
+  const form = list.find((command) => command.name === opened);
+  return element(
+    "div",
+    {},
+    element("h3", {}, heading),
+    element("div", { class: "commands" }, ...list.map((command) => commandButton(robot, command))),
+    form ? commandForm(robot, form) : "",
+  );
 }
 
+function holdCommands(robot) {
+  return [commandGroup(robot, "Hold", store.descriptions[robot.id].commands.filter((command) => HOLDING.has(command.name)))];
+}
+
+// All other commands: those that move the robot, and those that do not.
 function commands(robot) {
   const told = store.descriptions[robot.id];
-  if (!told) return [element("p", { class: "dim" }, "What it takes is not known yet.")];
-  const shown = told.commands.filter((command) => !HIDDEN.has(command.name) && (robot.run || command.name !== "take"));
-  const form = shown.find((command) => command.name === opened);
+  if (!told) return [element("p", { class: "dim" }, "Its commands are not known yet.")];
+  const shown = told.commands.filter((command) => !HIDDEN.has(command.name) && !HOLDING.has(command.name) && (robot.run || command.name !== "take"));
   return [
-    ...kinds(shown).map(([heading, list]) =>
-      element("div", {}, element("h3", {}, heading), element("div", { class: "commands" }, ...list.map((command) => commandButton(robot, command)))),
-    ),
-    form ? commandForm(robot, form) : null,
+    commandGroup(robot, "Motion", shown.filter((command) => command.moves)),
+    commandGroup(robot, "Other commands", shown.filter((command) => !command.moves)),
   ];
 }
 
@@ -243,12 +249,14 @@ function release(robots) {
   ];
 }
 
+// The name and the faults of a robot, always of the same height: the pad below must not move under the pointer.
 function title(robot) {
   const tags = [robot.simulated ? element("span", { class: "tag sim" }, "SIMULATED") : "", robot.emergency_stop ? element("span", { class: "tag halt" }, "STOPPED") : ""];
+  const about = `${robot.adapter} on edge ${robot.edge} · ${robot.health}`;
   return [
     element("div", { class: "head" }, healthMark(staleness(robot) ? "offline" : robot.health), element("h2", {}, label(robot)), ...tags),
-    element("p", { class: "dim" }, `${robot.adapter} on edge ${robot.edge} · ${robot.health}`),
-    ...trouble(robot),
+    element("p", { class: "dim about", title: about }, about),
+    element("div", { class: "troubles", tabindex: "0", role: "group", "aria-label": "Faults" }, ...trouble(robot)),
   ];
 }
 
@@ -283,6 +291,7 @@ function part(name, key, make) {
 
 let held = false; // the pointer is down on the panel
 
+// What the operator presses comes first, below parts of a fixed height: what appears later is below it.
 function draw() {
   const chosen = [...store.selected].map((id) => store.robots[id]).filter(Boolean);
   const robot = chosen.length === 1 ? chosen[0] : null;
@@ -298,20 +307,23 @@ function draw() {
   part("runs", alone && [store.runs, store.permission, now], () => (alone ? runs() : []));
   part("rehearsed", alone && now && rehearsalKey(), () => (alone && now ? rehearsed() : []));
   part("missions", alone && [store.missions, store.permission], () => (alone ? missions() : []));
-  part("cannot", robot && described && [robot.id, described, store.permission], () => (robot && described ? cannot(robot, described) : []));
-  part("schedules", alone && [store.schedules, store.permission, now], () => (alone ? schedules() : []));
-  part("configuration", alone && now && configurationKey(), () => (alone && now ? configurations() : []));
-  part("figures", robot && [robot, position(robot), store.poses[robot.id]], () => (robot ? [facts(robot)] : []));
-  const drawn = robot && described?.body?.length;
-  part("body", drawn && bodyKey(robot), () => (drawn ? bodyOf(robot) : []));
-  const seen = robot && now && store.photos[robot.id];
-  part("photo", seen && photoKey(robot), () => (seen ? photoOf(robot) : []));
   const drives = robot && described?.drives && operates() ? described : null;
   part("driving", drives && [robot.id, drives.limits], () => (drives ? [element("h3", {}, "Drive by hand"), padOf(robot, drives)] : noPad() || []));
+  movePad(parts.driving.offsetTop);
+  const holds = robot && now && described;
+  part("holding", holds && [robot.id, opened || described, store.permission], () => (holds ? holdCommands(robot) : []));
+  part("figures", robot && [robot, position(robot), store.poses[robot.id]], () => (robot ? [facts(robot)] : []));
   // While a form is open, updates must not replace the typed text.
   part("asking", robot && now && [robot.id, opened || described, robot.run, store.permission], () => (robot && now ? commands(robot) : []));
   const others = robot && now && operates() && isAnothers(robot);
   part("control", others && [robot.id, robot.control], () => (others ? [askButton(robot)] : []));
+  part("cannot", robot && described && [robot.id, described, store.permission], () => (robot && described ? cannot(robot, described) : []));
+  part("schedules", alone && [store.schedules, store.permission, now], () => (alone ? schedules() : []));
+  part("configuration", alone && now && configurationKey(), () => (alone && now ? configurations() : []));
+  const drawn = robot && described?.body?.length;
+  part("body", drawn && bodyKey(robot), () => (drawn ? bodyOf(robot) : []));
+  const seen = robot && now && store.photos[robot.id];
+  part("photo", seen && photoKey(robot), () => (seen ? photoOf(robot) : []));
   const films = robot && now && operates() && described?.commands.some((command) => command.name === "start_video");
   part("video", films && videoKey(robot), () => (films ? videoOf(robot) : []));
   part("plots", robot && [robot.id, plotsKey()], () => (robot ? plots() : []));

@@ -60,8 +60,9 @@ def yard(play_edge):
         CommandDescription("dock", refusal="the battery is full"),
     )
     limits = {"speed": 2.0, "yaw_rate": 1.0}
-    described = RobotDescription("rex", "toy", commands, drives=True, goals=True, limits=limits)
-    yard.tells("fleet/yard-1/robots/rex/description", described)
+    yard.description = RobotDescription("rex", "toy", commands, drives=True, goals=True, limits=limits)
+    answer = yard._replier(lambda: msgspec.json.encode(yard.description))
+    yard.bus.control.answer("fleet/yard-1/robots/rex/description", answer)
     return yard
 
 
@@ -374,7 +375,6 @@ def pad(open_page, yard):
     def hold(page=None, **prepared):
         page = page or open_page(**prepared)
         page.click(row(REX))
-        page.hover(".axis.forward")
         wait_until("three velocities without an end", lambda: held(page, requested))
         return page, requested
 
@@ -384,16 +384,22 @@ def pad(open_page, yard):
 def held(page, requested):
     """Press the pad's button; return whether the pad is driving after three velocities.
 
-    A busy computer may answer later than the pad waits, which ends it: then it must be pressed again.
+    A busy computer may answer later than the pad waits, which ends it: then it must be pressed again. So it
+    must after it has moved on the page, as by the button that releases a stop.
     """
     requested.clear()
+    page.hover(".axis.forward")
     page.mouse.down()
     # The page is asked each time, because the browser's messages pass only then.
     wait_until(
         "velocities",
-        lambda: page.evaluate("1") and (driven(requested).count(1.0) >= 3 or 0.0 in driven(requested)),
+        lambda: (
+            "has moved" in page.inner_text(".pad [role=status]")
+            or driven(requested).count(1.0) >= 3
+            or 0.0 in driven(requested)
+        ),
     )
-    if 0.0 not in driven(requested):
+    if driven(requested).count(1.0) >= 3 and 0.0 not in driven(requested):
         return True
     page.mouse.up()
     return False
@@ -462,6 +468,54 @@ def test_a_gamepad_drives_only_while_a_shoulder_button_is_held_and_from_sticks_i
     wait_until("it drives", lambda: page.evaluate("1") and 1.0 in driven(requested))
     page.evaluate("hold(null, 1)")
     wait_until("the zero", lambda: page.evaluate("1") and driven(requested)[-1] == 0.0)
+
+
+def buttons(page):
+    """Return the places of the pad's first button and of the first command's."""
+    return [page.locator(each).first.bounding_box() for each in (".axis.forward", "button.command")]
+
+
+def is_released(page, yard):
+    """Tell that rex is not stopped, and wait until the page shows it."""
+    becomes(yard, "rex")
+    page.locator("#robot .stopped button").wait_for(state="detached", timeout=WAIT)
+
+
+def test_pad_and_commands_keep_their_places_whatever_is_shown_meanwhile(open_page, yard, monkeypatch):
+    page = open_page()
+    page.click(row(REX))
+    is_released(page, yard)
+    places = buttons(page)
+    refused = (*yard.description.commands, CommandDescription("sit", refusal="ben has control for 3 s more"))
+    monkeypatch.setattr(yard, "description", msgspec.structs.replace(yard.description, commands=refused))
+    shows(page, "#robot ul.cannot", "ben has control for 3 s more")
+    assert buttons(page) == places
+    long = {
+        "cause": "the joint is warm. " * 20,
+        "last_command": "x" * 300,
+        "separation": "waits for beast " * 9,
+    }
+    becomes(yard, "rex", health="degraded", run="3f2a", **long)
+    for selector, text in {".cause": "the joint is warm", ".facts": "xxx", "dd": "waits for beast"}.items():
+        shows(page, f"#robot {selector}", text)
+    assert buttons(page) == places
+
+
+def test_a_pad_that_was_moved_drives_only_after_half_a_second(open_page, yard):
+    requested = yard.answers("rex", Reply("motion", ReplyStatus.ACCEPTED))
+    page = open_page()
+    page.click(row(REX))
+    becomes(yard, "rex", emergency_stop=True, stop_cause="smoke")
+    shows(page, "#robot .stopped", "Release rex")
+    is_released(page, yard)
+    page.dispatch_event(".axis.forward", "pointerdown", {"button": 0, "pointerId": 1})
+    shows(page, ".pad [role=status]", "The pad has moved. Press again.")
+    assert driven(requested) == []
+    page.evaluate("new Promise((resume) => setTimeout(resume, 500))")
+    page.hover(".axis.forward")
+    page.mouse.down()
+    wait_until("it drives", lambda: page.evaluate("1") and 1.0 in driven(requested))
+    page.mouse.up()
 
 
 def test_a_refusal_ends_the_pad_and_is_shown(open_page, yard):

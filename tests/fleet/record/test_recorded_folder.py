@@ -2,7 +2,7 @@
 
 import pytest
 
-from fleet.record import past
+from fleet.record import recorded_folder
 from fleet.record.recorded_folder import RecordedFolder
 from tests.tools.recordings import write_recording
 
@@ -30,12 +30,12 @@ def test_a_moment_has_the_newest_of_each_topic_and_nothing_that_came_later(folde
     for robot in ("rex", "ann"):
         assert newest(found, f"/yard-1/{robot}/state").received == BEGINS + int(second)
         assert newest(found, f"/yard-1/{robot}/position").received == BEGINS + int(second * 2) / 2
-    topics = [message.topic for message in found if message.schema not in past.SEVERAL]
+    topics = [message.topic for message in found if message.schema not in recorded_folder.SEVERAL]
     assert len(topics) == len(set(topics))
 
 
 def test_runs_and_events_of_long_before_are_found_without_reading_all_that_lies_between(folder, monkeypatch):
-    monkeypatch.setattr(past, "MOST_CHUNKS", 8)
+    monkeypatch.setattr(recorded_folder, "MOST_CHUNKS", 8)
     found = RecordedFolder(folder).at(BEGINS + 29.0)
     assert [message.received - BEGINS for message in found if message.topic == "/yard-1/runs"] == [15.0, 5.0]
     assert newest(found, "/yard-1/rex/history").received == BEGINS + 10.0

@@ -292,7 +292,7 @@ async def test_a_halt_that_raises_ends_the_run_with_its_cause_in_the_health(
 
 async def test_a_halt_that_raises_again_and_again_is_a_quarantine(stage, requests, bench):
     one = stage(serve)
-    for run in range(1, runners.STRIKES + 1):
+    for run in range(1, runners.MOST_FAILURES + 1):
         await requests.until(lambda run=run: len(one.made) == run and one.runner.health == Health())
         bench.adapter.halts = ZeroDivisionError("oops")
         bench.controller.halt()

@@ -442,7 +442,7 @@ from unittest.mock import Mock
 from fleet.clock import SystemClock
 from fleet.host.runtime import watchdog
 from fleet.host.process.robot_process import RobotProcess
-from fleet.host.runtime.watchdog import Watched
+from fleet.host.runtime.watchdog import WatchedRobot
 from fleet.host.safety.deadman import DeadMan
 
 watchdog.STUCK = 0.5
@@ -450,7 +450,7 @@ watchdog.STUCK = 0.5
 async def main():
     process = RobotProcess("yard", Mock(), [], journal=Mock(), history=Mock(), clock=SystemClock())
     for name in ("a", "b"):
-        process.watchdog.add(name, Watched(DeadMan(), lambda n=name: print("halt", n, flush=True), print))
+        process.watchdog.add(name, WatchedRobot(DeadMan(), lambda n=name: print("halt", n, flush=True), int))
     process.start()
     await asyncio.sleep(0.1)
     time.sleep(20)
