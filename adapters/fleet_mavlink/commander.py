@@ -25,7 +25,7 @@ from fleet_mavlink.messages import (
 from fleet_mavlink.motion_effect import Effect, effect_of
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import WARNING, Sentence
-from fleet_mavlink.turns import CommandQueue, CommandTurn
+from fleet_mavlink.turns import CommandExchange, CommandQueue
 from fleet_mavlink.vehicle import StateCondition, Vehicle
 
 
@@ -83,7 +83,7 @@ class Commander:
         lost, so that it is not sent, and executed, twice. Raises Refused, NotReady (temporarily rejected),
         Unsupported, TimedOut (no acknowledgement), LinkLost.
         """
-        async with CommandTurn(
+        async with CommandExchange(
             self.turns, request, effect=effect or effect_of(request), yields=yields
         ) as exchange:
             sent = 0
@@ -108,7 +108,7 @@ class Commander:
 
     async def _obeyed_unanswered(
         self,
-        exchange: CommandTurn,
+        exchange: CommandExchange,
         request: MavlinkCommand,
         seen: StateCondition | None,
         sent: int,
@@ -130,7 +130,7 @@ class Commander:
 
     async def _obeyed_refused(
         self,
-        exchange: CommandTurn,
+        exchange: CommandExchange,
         request: MavlinkCommand,
         ack: CommandAck,
         seen: StateCondition | None,
@@ -169,7 +169,7 @@ class Commander:
         unsure = self.changes_mode(shows(self.vehicle.state))
         if shows(self.vehicle.state) != mode:
             self.mode_is_requested(mode)
-        async with CommandTurn(self.turns, request, effect=effect) as exchange:
+        async with CommandExchange(self.turns, request, effect=effect) as exchange:
             already = shows(self.vehicle.state) == mode
             late = self._answer_is_due(request)
             for attempt in range(self.timing.tries):
@@ -190,7 +190,7 @@ class Commander:
             )
 
     async def _is_accepted(
-        self, exchange: CommandTurn, request: MavlinkCommand, attempt: int, *, late: bool
+        self, exchange: CommandExchange, request: MavlinkCommand, attempt: int, *, late: bool
     ) -> bool:
         """Send a command that leads to the mode that is shown; return whether it was accepted.
 
@@ -203,7 +203,9 @@ class Commander:
             ack = await self._answer(exchange, None)
         return ack is not None and ack.result == MavResult.ACCEPTED
 
-    async def _stays(self, exchange: CommandTurn, mode: str, shows: Callable[[VehicleState], str]) -> bool:
+    async def _stays(
+        self, exchange: CommandExchange, mode: str, shows: Callable[[VehicleState], str]
+    ) -> bool:
         """Return whether the next heartbeat shows a mode that was accepted after another was asked for.
 
         Datagrams overtake each other: the other command may have been carried out after this one.
@@ -218,7 +220,7 @@ class Commander:
 
     async def _is_shown(
         self,
-        exchange: CommandTurn,
+        exchange: CommandExchange,
         request: MavlinkCommand,
         attempt: int,
         mode: str,
@@ -240,7 +242,7 @@ class Commander:
         self._mode_requested_at = -math.inf if entered else self._mode_requested_at
         return entered
 
-    async def _require_no_refusal(self, exchange: CommandTurn, request: MavlinkCommand) -> None:
+    async def _require_no_refusal(self, exchange: CommandExchange, request: MavlinkCommand) -> None:
         """Raise the refusal of a change of mode, if there is one: the mode that is shown stays."""
         if exchange.refusal is not None:
             self._mode_requested_at = -math.inf
@@ -265,7 +267,7 @@ class Commander:
         look = CommandLong(MavCmd.REQUEST_MESSAGE, param1=float(PositionTargetGlobalInt.message_id))
         addressed = msgspec.structs.replace(target, target_system=self.vehicle.system)
         place = GeoPoint(target.lat_int / 1e7, target.lon_int / 1e7, altitude)
-        async with CommandTurn(self.turns, look, effect=Effect.MOTION) as exchange:
+        async with CommandExchange(self.turns, look, effect=Effect.MOTION) as exchange:
             for attempt in range(self.timing.tries):
                 began = self.vehicle.now()
                 self.vehicle.send(addressed)
@@ -302,7 +304,7 @@ class Commander:
             exchange.refused_at = self.vehicle.now()
         exchange.add(ack)
 
-    async def _answer(self, exchange: CommandTurn, seen: StateCondition | None) -> CommandAck | None:
+    async def _answer(self, exchange: CommandExchange, seen: StateCondition | None) -> CommandAck | None:
         """Return the acknowledgement, None without one in time; waits on after "in progress"."""
         wait = self.timing.answer
         while True:
@@ -338,7 +340,9 @@ class Commander:
         self._unanswered[request.command] = self.vehicle.now()
         self.vehicle.send(addressed)
 
-    async def _refusal(self, request: MavlinkCommand, ack: CommandAck, exchange: CommandTurn) -> Exception:
+    async def _refusal(
+        self, request: MavlinkCommand, ack: CommandAck, exchange: CommandExchange
+    ) -> Exception:
         """Return the error for a refusal, after waiting for the autopilot's text with the reason."""
         await asyncio.sleep(self.timing.words)
         words = self._words_since(exchange.began)
@@ -356,7 +360,7 @@ class Commander:
         return _texts([sentence for sentence in said if sentence.severity <= WARNING] or said)
 
 
-def _is_refused(exchange: CommandTurn, state: VehicleState) -> bool:
+def _is_refused(exchange: CommandExchange, state: VehicleState) -> bool:
     """Return True if a heartbeat after a refusal still shows another mode.
 
     A heartbeat right after the refusal does not count: it may be older than the change of mode, and the

@@ -141,7 +141,7 @@ def is_same(sent: Sequence[MissionItemInt], kept: Sequence[MissionItemInt], *, s
     )
 
 
-class MissionPilot:
+class MissionExecutor:
     """Flies missions with one vehicle."""
 
     def __init__(self, flight: Flight, takeoff: TakeOff, plans: Plans, limits: Limits) -> None:

@@ -11,7 +11,7 @@ _MOST = 100  # reasons
 _OTHERS = "others"  # reason that collects all further ones
 
 
-class Notices:
+class RateLimitedLog:
     """Warnings in one log; ``now`` returns monotonic seconds."""
 
     def __init__(self, log: logging.Logger, now: Callable[[], float]) -> None:

@@ -32,7 +32,7 @@ from fleet_mavlink.gimbal import Gimbal
 from fleet_mavlink.halts import Halts, require_ours
 from fleet_mavlink.link_hub import LinkHub
 from fleet_mavlink.logs import LogReader
-from fleet_mavlink.mission import MissionPilot
+from fleet_mavlink.mission import MissionExecutor
 from fleet_mavlink.navigation import AutopilotNavigator
 from fleet_mavlink.parameters import Parameters
 from fleet_mavlink.payload_messages import SetupSigning
@@ -42,7 +42,7 @@ from fleet_mavlink.remote_id import RemoteId
 from fleet_mavlink.reporter import Reporter
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.steering import SteeringSettings
-from fleet_mavlink.streams import Streams
+from fleet_mavlink.streams import MessageRates
 from fleet_mavlink.takeoff import TakeOff
 from fleet_mavlink.turns import Superseded
 from fleet_mavlink.vehicle import Vehicle, circle_of, missing_commands
@@ -101,7 +101,7 @@ class VehicleSession:
         self.takeoff = TakeOff(self.flight, self.parameters)
         self.navigator = AutopilotNavigator(self.flight, self.takeoff, limits)
         self.plans = Plans(vehicle)
-        self.missions = MissionPilot(self.flight, self.takeoff, self.plans, limits)
+        self.missions = MissionExecutor(self.flight, self.takeoff, self.plans, limits)
         self.fence = config.fence and FenceUploader(
             vehicle,
             self.plans,
@@ -126,7 +126,7 @@ class VehicleSession:
         self.gimbal = Gimbal(vehicle, self.commander, station, self._spawn)
         self.camera = CameraComponent(vehicle, self.commander.timing)
         motors = config.rates.motors if config.motor_joints else 0.0
-        self.streams = Streams(
+        self.streams = MessageRates(
             vehicle, self.commander, config.rates.pose, imu=config.rates.imu, motors=motors
         )
         self._reporter = Reporter(vehicle, config, robot, self.origin, self.counts)

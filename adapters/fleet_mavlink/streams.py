@@ -59,7 +59,7 @@ def wanted_rates(
     }
 
 
-class Streams:
+class MessageRates:
     """Maintains the message rates of one vehicle."""
 
     def __init__(

@@ -43,7 +43,7 @@ class _Pieces:
         return "".join(self.texts.get(index, "[...]") for index in range(count))
 
 
-class Joiner:
+class StatusTextAssembler:
     """Joins the chunks of one component's texts; waits 1 s for a missing chunk."""
 
     def __init__(self) -> None:

@@ -16,7 +16,7 @@ class Superseded(Refused):
     """A command ended because something more urgent took over."""
 
 
-class CommandTurn:
+class CommandExchange:
     """The turn of one command, entered once it is the current one, with its acknowledgements.
 
     ``yields``: a request of the adapter itself, which gives its turn to any other command.
@@ -97,8 +97,8 @@ class CommandQueue:
 
     def __init__(self, now: Callable[[], float]) -> None:
         self.lock = asyncio.Lock()
-        self.current: CommandTurn | None = None
-        self.waiting: set[CommandTurn] = set()
+        self.current: CommandExchange | None = None
+        self.waiting: set[CommandExchange] = set()
         self.now = now
         self._halted = False  # by another thread, since ``end_halted``
 
@@ -130,7 +130,7 @@ class CommandQueue:
                 halted = False
         return halted
 
-    def _all(self) -> tuple[CommandTurn, ...]:
+    def _all(self) -> tuple[CommandExchange, ...]:
         """Return the current command, and the waiting ones."""
         current = self.current
         return (*tuple(self.waiting), *((current,) if current else ()))

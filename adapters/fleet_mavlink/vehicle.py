@@ -25,7 +25,7 @@ from fleet_mavlink.payload_messages import GimbalDeviceAttitudeStatus
 from fleet_mavlink.received_messages import ReceivedMessages, SaidT
 from fleet_mavlink.redundant_links import link_index_of
 from fleet_mavlink.state import SILENCE, VehicleState, reduce
-from fleet_mavlink.texts import Joiner, Sentence
+from fleet_mavlink.texts import Sentence, StatusTextAssembler
 from fleet_mavlink.vehicle_kind import Brake, VehicleKind
 from fleet_mavlink.vocabulary import OF_A_MOVED_VEHICLE, PX4_ROVER
 from fleet_mavlink.wings import Winged
@@ -70,7 +70,7 @@ class Vehicle:
         self._event = -1  # sequence number of the last one
         self.log = logging.getLogger(__name__)  # replaced by its robot's
         self._send = send
-        self._joiner = Joiner()
+        self._joiner = StatusTextAssembler()
         self.switches = 0  # changes of the link to it
         # its address on each link, and when it was heard
         self._addresses_by_link: dict[int, tuple[Address, float]] = {}

@@ -76,7 +76,7 @@ _NAV_LAND = 21
 _FTP_OPCODE = 3  # offset in the payload
 
 
-def need_of(message: Any, stops: Iterable[CommandLong] = ()) -> RequiredPermission:
+def required_permission(message: Any, stops: Iterable[CommandLong] = ()) -> RequiredPermission:
     """Return the permission for a message; ``stops``: commands that brake and hold this vehicle."""
     name = message.get_type()
     if name in {"COMMAND_LONG", "COMMAND_INT"}:

@@ -16,11 +16,17 @@ from fleet_mavlink.constants import AUTOPILOT
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.link_hub import LinkHub
 from fleet_mavlink.messages import CommandLong
-from fleet_mavlink.notices import Notices
+from fleet_mavlink.notices import RateLimitedLog
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.vehicle_kind import VehicleKind
 from fleet_mavlink.watch_answers import refusal, unchanged, words
-from fleet_mavlink.watch_rules import RequiredPermission, arms, comes_down, need_of, why_not_at_this_rate
+from fleet_mavlink.watch_rules import (
+    RequiredPermission,
+    arms,
+    comes_down,
+    required_permission,
+    why_not_at_this_rate,
+)
 from fleet_mavlink.watcher import Watcher
 from fleet_mavlink.watcher_config import WatcherConfig
 
@@ -53,7 +59,7 @@ class WatchedVehicle:
         self._vehicle = vehicle
         self._authority = authority
         self._stopped, self._halt = stopped, halt
-        self._notices = Notices(log, vehicle.now)
+        self._notices = RateLimitedLog(log, vehicle.now)
         self._packer = mav.MAVLink(None)
         self._reader = mav.MAVLink(None)
 
@@ -68,7 +74,7 @@ class WatchedVehicle:
         except mav.MAVError as error:
             self._notices.add("not MAVLink", f"{self._config.link}: {error}")
             return
-        need = need_of(message, stops_of(self._vehicle))
+        need = required_permission(message, stops_of(self._vehicle))
         if need is RequiredPermission.NOBODY_HEARS:
             return
         why = self._why_not(need, frame, message)

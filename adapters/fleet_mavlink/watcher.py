@@ -16,7 +16,7 @@ from typing import Protocol
 from fleet import Address, Clock
 from fleet_mavlink.codec import Frame, Parser
 from fleet_mavlink.message_targets import target_of
-from fleet_mavlink.notices import Notices
+from fleet_mavlink.notices import RateLimitedLog
 from fleet_mavlink.redundant_links import RedundantLinks
 
 _LOG = logging.getLogger(__name__)
@@ -60,7 +60,7 @@ class Watcher:
         self.stations: OrderedDict[tuple[int, int], float] = OrderedDict()
         self.link: RedundantLinks | None = None
         self._now = clock.monotonic
-        self._notices = Notices(_LOG, clock.monotonic)
+        self._notices = RateLimitedLog(_LOG, clock.monotonic)
         self._parser = Parser()
         self._allowance = TokenBucket(_A_SECOND, _BURST)
         self._vehicles: dict[int, ShownVehicle] = {}

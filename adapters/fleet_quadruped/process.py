@@ -16,7 +16,7 @@ from fleet import LinkLost, LinkRefused, decode_json
 from fleet_quadruped.config import QuadrupedConfig, simulation
 from fleet_quadruped.control.exchange import SharedValue, new_memory
 from fleet_quadruped.control.orders import DogState, Order
-from fleet_quadruped.control.plan import ControlPlan, StatusMessage
+from fleet_quadruped.control.plan import ControlTask, StatusMessage
 
 _START = 30.0  # s until it must be ready
 
@@ -75,7 +75,7 @@ class BodyProcess:
         world, faults = simulation(config.link) if config.link else ("", {})
         order, state = self._descriptors
         captures, relay = str(config.captures_folder), self._relay.fileno() if self._relay else -1
-        plan = ControlPlan(str(config.body_file), config.buses, world, faults, order, state, captures, relay)
+        plan = ControlTask(str(config.body_file), config.buses, world, faults, order, state, captures, relay)
         self._process = await asyncio.create_subprocess_exec(
             sys.executable,
             *("-m", "fleet_quadruped.control", msgspec.json.encode(plan).decode()),

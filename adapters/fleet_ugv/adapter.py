@@ -26,7 +26,7 @@ from fleet_ugv.board import Board, Inbox
 from fleet_ugv.config import UgvConfig
 from fleet_ugv.lamp_commands import LampCommands
 from fleet_ugv.mount_commands import MountCommands
-from fleet_ugv.observer import Observer
+from fleet_ugv.observer import FeedbackReporter
 from fleet_ugv.odometry import POSE, WheelOdometry
 from fleet_ugv.sim.rehearsed import simulated_base
 from fleet_ugv.sim.spec import spec_of
@@ -66,7 +66,9 @@ class UgvAdapter(LampCommands, MountCommands):
         inbox = Inbox(self.config, self.robot.clock)
         self._link = await self.robot.enter(opened_link(url, inbox.arrived))
         slot = LatestMotion(self._link, self.robot.clock, baud=parse_link_url(url).baud)
-        self._board = Board(self.config, self.robot, Observer(self.config, self._odometry), inbox, slot)
+        self._board = Board(
+            self.config, self.robot, FeedbackReporter(self.config, self._odometry), inbox, slot
+        )
         self._board.begin(self._link)
 
     async def run(self) -> None:

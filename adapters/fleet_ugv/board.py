@@ -27,7 +27,7 @@ from fleet import (
 )
 from fleet_ugv.config import UgvConfig
 from fleet_ugv.model import BaseFault, Confirmed, Feedback, UgvEvent
-from fleet_ugv.observer import Observer
+from fleet_ugv.observer import FeedbackReporter
 from fleet_ugv.readiness import Readiness
 
 GREETING = 0.5  # s between two greetings of a silent base
@@ -58,7 +58,7 @@ class Board:
     """
 
     def __init__(
-        self, config: UgvConfig, robot: Robot, observer: Observer, inbox: Inbox, slot: LatestMotion
+        self, config: UgvConfig, robot: Robot, observer: FeedbackReporter, inbox: Inbox, slot: LatestMotion
     ) -> None:
         self.observer = observer
         self.stands = asyncio.Event()

@@ -15,7 +15,7 @@ BATTERY_EVERY = 2.0  # s
 METRICS_EVERY = 1.0  # s
 
 
-class Observer:
+class FeedbackReporter:
     """Known state of one base.
 
     ``camera``: last commanded angles of the mount (pan, tilt), rad; ``mount``: measured angles.

@@ -112,7 +112,7 @@ def holders(edge_id: str) -> str:
     return f"fleet/{edge_id}/holders"
 
 
-def places(edge_id: str, process: str) -> str:
+def positions(edge_id: str, process: str) -> str:
     """Return the key on which a process publishes the positions of its robots; ``*`` is every process."""
     return f"fleet/{edge_id}/places/{process}"
 

@@ -11,7 +11,7 @@ import click
 
 from fleet.cli.output import ExitCode, Output, counted, with_output
 from fleet.errors import FleetError
-from fleet.rollout.bundle import LARGEST, Bundle, BundleError, opened, sealed
+from fleet.rollout.bundle import LARGEST, Bundle, BundleError, sign_bundle, verify_bundle
 from fleet.rollout.decision import AgentRecord
 from fleet.rollout.edge_here import LocalEdge
 from fleet.rollout.installation import Installation
@@ -61,7 +61,7 @@ def make(
     itself, is refused.
     """
     found = made(file, edges, version, os.environ, time.time())
-    address, data = sealed(found.bundle, private_key(_read(key_file)))
+    address, data = sign_bundle(found.bundle, private_key(_read(key_file)))
     into = into or Path(f"{found.bundle.edges[0]}-{version}.bundle")
     _write_new(into, data)
     for line in found.left_out:
@@ -75,7 +75,7 @@ def make(
 @with_output
 def show(out: Output, bundle: Path, *, trust: tuple[Path, ...]) -> None:
     """Check a bundle as an edge does, and show its contents."""
-    address, found = opened(read_bundle(bundle), by_name(public_key(_read(path)) for path in trust))
+    address, found = verify_bundle(read_bundle(bundle), by_name(public_key(_read(path)) for path in trust))
     _show(out, address, found, str(bundle))
 
 
@@ -102,7 +102,7 @@ def install(out: Output, bundle: Path, *, folder: Path) -> ExitCode:
     try:
         if installation.current:
             raise BundleError(f"{folder} has bundle {installation.current[:12]} already: roll out the next")
-        address, found = opened(read_bundle(bundle), settings.trusted())
+        address, found = verify_bundle(read_bundle(bundle), settings.trusted())
         if settings.edge not in found.edges:
             raise BundleError(f"{bundle} is for {', '.join(found.edges)}, not for edge {settings.edge}")
         installation.stage(found, address)

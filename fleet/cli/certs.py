@@ -12,8 +12,8 @@ import click
 
 from fleet.cli.output import Output, with_output
 from fleet.config.certificates import (
+    CertificateAndKey,
     Identity,
-    Pair,
     issue_pair,
     make_authority,
     read_identity,
@@ -189,9 +189,9 @@ def _report_written(out: Output, folder: Path, identity: Identity) -> None:
     out.say(f"wrote {folder / identity.name}.pem and .key, good until {identity.until:%Y-%m-%d}")
 
 
-def _authority(folder: Path) -> Pair:
+def _authority(folder: Path) -> CertificateAndKey:
     """Return the site's authority."""
-    return Pair(_read(folder / f"{AUTHORITY}.pem"), _read(folder / f"{AUTHORITY}.key"))
+    return CertificateAndKey(_read(folder / f"{AUTHORITY}.pem"), _read(folder / f"{AUTHORITY}.key"))
 
 
 def _revoked(folder: Path) -> set[str]:
@@ -200,7 +200,7 @@ def _revoked(folder: Path) -> set[str]:
     return set(path.read_text(encoding="utf-8").split()) if path.exists() else set()
 
 
-def _save(folder: Path, name: str, pair: Pair, *, new: bool) -> None:
+def _save(folder: Path, name: str, pair: CertificateAndKey, *, new: bool) -> None:
     """Write a key, readable only by this user, and its certificate."""
     for suffix, _ in _files(pair):
         path = folder / f"{name}.{suffix}"
@@ -210,7 +210,7 @@ def _save(folder: Path, name: str, pair: Pair, *, new: bool) -> None:
         _write(folder / f"{name}.{suffix}", content, new=new)
 
 
-def _files(pair: Pair) -> Iterator[tuple[str, bytes]]:
+def _files(pair: CertificateAndKey) -> Iterator[tuple[str, bytes]]:
     """Yield the files of a pair, by suffix."""
     yield "key", pair.key
     yield "pem", pair.certificate

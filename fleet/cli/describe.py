@@ -8,7 +8,7 @@ import msgspec
 from fleet.cli import command_text
 from fleet.cli.completion import COMMAND, ROBOT
 from fleet.cli.options import reach_option
-from fleet.cli.output import ExitCode, Output, together, with_output
+from fleet.cli.output import ExitCode, Output, summarise_answers, with_output
 from fleet.client.edges import Edges
 from fleet.config.text import nearest
 from fleet.errors import Refused, TimedOut
@@ -67,7 +67,7 @@ def _group(out: Output, edges: Edges, robots: list[RobotState], command: str | N
         codes.append((robot.name, ExitCode.OK if takes else ExitCode.REJECTED))
     out.data({"robots": document})
     out.table(("robot", "takes now" if command is None else f"{command} now"), rows)
-    return together(out, codes)
+    return summarise_answers(out, codes)
 
 
 def _in_one_line(found: RobotDescription, command: str | None) -> tuple[bool, str]:

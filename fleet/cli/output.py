@@ -76,7 +76,7 @@ _WORSE = (ExitCode.TIMEOUT, ExitCode.REJECTED)
 _TOGETHER = {ExitCode.OK: "ok", ExitCode.REJECTED: "refused or failed", ExitCode.TIMEOUT: "not known"}
 
 
-def together(out: Output, answered: Sequence[tuple[str, ExitCode]]) -> ExitCode:
+def summarise_answers(out: Output, answered: Sequence[tuple[str, ExitCode]]) -> ExitCode:
     """Summarise the answers of several robots on one line; return the common exit code.
 
     All equal: that code; some ok: 7; none ok: the worst. A single robot gets no such line.

@@ -10,7 +10,7 @@ import msgspec
 
 from fleet.cli.completion import ROBOT
 from fleet.cli.options import reach_option
-from fleet.cli.output import ExitCode, Output, counted, together, with_output
+from fleet.cli.output import ExitCode, Output, counted, summarise_answers, with_output
 from fleet.cli.parameters import read, same, shown, written
 from fleet.cli.robot_queries import QueryResult, RobotQuery, query_all
 from fleet.client.edges import Edges
@@ -165,7 +165,7 @@ def _ended(out: Output, found: dict[str, AnswerT], failed: dict[str, str]) -> Ex
     for why in failed.values():
         out.note(why)
     done = [(name, ExitCode.OK) for name in found]
-    return together(out, [*done, *((name, ExitCode.REJECTED) for name in failed)])
+    return summarise_answers(out, [*done, *((name, ExitCode.REJECTED) for name in failed)])
 
 
 def _checked(said: object, kind: type[AnswerT], robot: str) -> AnswerT:

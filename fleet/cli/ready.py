@@ -7,7 +7,7 @@ import msgspec
 
 from fleet.cli.completion import ROBOT
 from fleet.cli.options import reach_option
-from fleet.cli.output import ExitCode, Output, together, with_output
+from fleet.cli.output import ExitCode, Output, summarise_answers, with_output
 from fleet.cli.robot_queries import QueryResult, query_all
 from fleet.client.edges import Edges
 from fleet.errors import FleetError, Refused
@@ -75,7 +75,7 @@ def _group(out: Output, answers: list[QueryResult]) -> ExitCode:
         rows.append((name, health, "ready" if is_ready else "NOT READY", words or "-"))
     out.data({"robots": document})
     out.table(("robot", "health", "ready", "words"), rows)
-    return together(out, codes)
+    return summarise_answers(out, codes)
 
 
 def _against(answer: _CheckReadyAnswer) -> str:

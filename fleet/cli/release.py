@@ -9,7 +9,7 @@ import click
 from fleet.cli.history import for_programs as event_for_programs
 from fleet.cli.history import who
 from fleet.cli.options import reach_option
-from fleet.cli.output import ExitCode, Output, together, with_output
+from fleet.cli.output import ExitCode, Output, summarise_answers, with_output
 from fleet.cli.ps import for_programs
 from fleet.cli.send import RECEIPT_WITHIN, code_of, last_reply
 from fleet.cli.times import when
@@ -54,7 +54,7 @@ def release(out: Output, robots: tuple[str, ...], *, everything: bool, file: str
     ]
     out.data({"released": released})
     answered = zip(stopped, replies, strict=True)
-    return together(out, [(state.name, code_of(reply)) for state, reply in answered])
+    return summarise_answers(out, [(state.name, code_of(reply)) for state, reply in answered])
 
 
 def _release(out: Output, edges: Edges, stopped: Iterable[RobotState]) -> list[Reply]:

@@ -88,7 +88,7 @@ def with_waves(function: Callable[..., object]) -> Callable[..., object]:
 def roll_out(out: Output, files: tuple[str, ...], wanted: RolloutOptions) -> ExitCode:
     """Roll bundles out to their edges."""
     from fleet.cli.bundle import read_bundle  # noqa: PLC0415 - not needed for one edge
-    from fleet.rollout.bundle import Bundle, BundleError, opened  # noqa: PLC0415
+    from fleet.rollout.bundle import Bundle, BundleError, verify_bundle  # noqa: PLC0415
     from fleet.rollout.settings import read_settings  # noqa: PLC0415
     from fleet.rollout.waves import limit_of, wave_ends  # noqa: PLC0415
 
@@ -101,7 +101,7 @@ def roll_out(out: Output, files: tuple[str, ...], wanted: RolloutOptions) -> Exi
     edges: dict[str, tuple[str, Bundle]] = {}
     for file in files:
         content = read_bundle(Path(file))
-        address, bundle = opened(content, settings.trusted())
+        address, bundle = verify_bundle(content, settings.trusted())
         data[address] = content
         for edge in bundle.edges:
             if edge in edges:

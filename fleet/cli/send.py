@@ -11,7 +11,7 @@ import click
 
 from fleet.cli.completion import COMMAND, ROBOT
 from fleet.cli.options import reach_option, timeout_option, wait_option
-from fleet.cli.output import ExitCode, Output, together, with_output
+from fleet.cli.output import ExitCode, Output, summarise_answers, with_output
 from fleet.cli.ps import for_programs
 from fleet.cli.together import CommonStartRequest, RobotReplies, at_option
 from fleet.client.edges import Edges
@@ -154,7 +154,7 @@ def request_each(
     if wait:
         last = [(robot, _ended(out, robot, reply, within)) for robot, reply in last]
     out.data({"answers": [{"robot": robot.name, **for_programs(reply)} for robot, reply in last]})
-    return together(out, [(robot.name, code_of(reply)) for robot, reply in last])
+    return summarise_answers(out, [(robot.name, code_of(reply)) for robot, reply in last])
 
 
 def _start_all(out: Output, start: CommonStartRequest, *, wait: bool, within: float) -> list[RobotReplies]:

@@ -28,7 +28,7 @@ from fleet.model.start import (
     AT_LEAST,
     FARTHEST,
     PINGS,
-    Offset,
+    ClockOffset,
     StartAnswer,
     StartSignal,
     check_clock,
@@ -178,9 +178,9 @@ def _first_answers(requested: Iterable[RobotReplies]) -> tuple[list[RobotReplies
     return answers, problems
 
 
-def _offsets(bus_session: ZenohSession, edge: str) -> dict[str, Offset]:
+def _offsets(bus_session: ZenohSession, edge: str) -> dict[str, ClockOffset]:
     """Return the clock offsets of an edge's processes, by the fastest of several measurements."""
-    best: dict[str, Offset] = {}
+    best: dict[str, ClockOffset] = {}
     requested = msgspec.json.encode(StartSignal())
     for _ in range(PINGS):
         sent = time.time()

@@ -69,7 +69,7 @@ async def _finish(opened: socket.socket, number: int) -> None:
         raise OSError(number, os.strerror(number))
 
 
-async def secure(opened: socket.socket, tls: ssl.SSLContext, host: str) -> ssl.SSLSocket:
+async def wrap_tls(opened: socket.socket, tls: ssl.SSLContext, host: str) -> ssl.SSLSocket:
     """Wrap a socket in TLS, which then owns it; raises ssl.SSLError, OSError."""
     loop = asyncio.get_running_loop()
     secured = tls.wrap_socket(opened, server_hostname=host, do_handshake_on_connect=False)

@@ -6,7 +6,7 @@ import ipaddress
 import socket
 import ssl
 
-from fleet.cloud.dial import dial, secure
+from fleet.cloud.dial import dial, wrap_tls
 from fleet.cloud.mqtt_session import SessionRefused
 from fleet.cloud.values import CloudSettings
 from fleet.errors import CloudError
@@ -50,7 +50,7 @@ async def open_socket(settings: CloudSettings, tls: ssl.SSLContext | None) -> so
 async def _secured(opened: socket.socket, tls: ssl.SSLContext, host: str, place: str) -> socket.socket:
     """Return the connection with TLS; raise CloudError, or SessionRefused for an untrusted certificate."""
     try:
-        return await secure(opened, tls, host)
+        return await wrap_tls(opened, tls, host)
     except ssl.SSLCertVerificationError as error:
         named = error.verify_code in _NAME_MISMATCHES
         cure = "name it in cloud.host as the certificate does" if named else "set ca_file if it is your own"

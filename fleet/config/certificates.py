@@ -25,7 +25,7 @@ AUTHORITY_LIFE = timedelta(days=3650)
 SKEW = timedelta(hours=1)  # tolerates a computer whose clock is slow
 
 
-class Pair(NamedTuple):
+class CertificateAndKey(NamedTuple):
     """A certificate and its private key, PEM."""
 
     certificate: bytes
@@ -41,7 +41,7 @@ class Identity(NamedTuple):
     until: datetime
 
 
-def make_authority(site: str, now: datetime) -> Pair:
+def make_authority(site: str, now: datetime) -> CertificateAndKey:
     """Return the certificate of a site's authority, which can only sign other certificates."""
     key = ec.generate_private_key(ec.SECP256R1())
     name = _named(site, "authority")
@@ -55,7 +55,7 @@ def make_authority(site: str, now: datetime) -> Pair:
     return _pair(built, key, key)
 
 
-def issue_pair(authority: Pair, identity: Identity, now: datetime) -> Pair:
+def issue_pair(authority: CertificateAndKey, identity: Identity, now: datetime) -> CertificateAndKey:
     """Return a new key and a certificate for an identity, for both ends of a connection."""
     signer = load_pem_private_key(authority.key, None)
     if not isinstance(signer, ec.EllipticCurvePrivateKey):
@@ -157,8 +157,8 @@ def _first(name: x509.Name, kind: x509.ObjectIdentifier) -> str:
 
 def _pair(
     builder: x509.CertificateBuilder, key: ec.EllipticCurvePrivateKey, signer: ec.EllipticCurvePrivateKey
-) -> Pair:
+) -> CertificateAndKey:
     """Sign a certificate; return it and its key as PEM."""
     signed = builder.sign(signer, SHA256())
     private = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
-    return Pair(signed.public_bytes(Encoding.PEM), private)
+    return CertificateAndKey(signed.public_bytes(Encoding.PEM), private)

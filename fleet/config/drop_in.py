@@ -12,7 +12,7 @@ from pydantic import ConfigDict, Field, ValidationError
 from fleet.config.explain import checked
 from fleet.config.problems import Mark, YamlPath
 from fleet.config.yaml import Document
-from fleet.plugins.probe import CheckedConfig, ConfigCase, ProbeError, ProblemPlace, Steps
+from fleet.plugins.probe import CheckedConfig, ConfigCase, PathSteps, ProbeError, ProblemPlace
 from fleet.plugins.registry import Plugin, Registry
 from fleet.robot_config import AdapterConfig
 
@@ -67,10 +67,10 @@ def requested(
 def _case(plugin: Plugin, data: object, at: YamlPath, document: Document, folder: object) -> ConfigCase:
     """Return a robot with its positions in the file, without the rest of the file."""
 
-    def within(steps: Steps) -> bool:
+    def within(steps: PathSteps) -> bool:
         return steps[: len(at)] == at or not steps
 
-    def places(marks: Mapping[YamlPath, Mark]) -> tuple[tuple[Steps, ProblemPlace], ...]:
+    def places(marks: Mapping[YamlPath, Mark]) -> tuple[tuple[PathSteps, ProblemPlace], ...]:
         return tuple(
             (steps, ProblemPlace(*msgspec.structs.astuple(mark)))
             for steps, mark in marks.items()

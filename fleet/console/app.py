@@ -36,7 +36,7 @@ from fleet.console.exports import ExportWindow
 from fleet.console.files import PageFile, page_files
 from fleet.console.hub import MOST_TABS, Hub
 from fleet.console.login import Login, LoginRefused
-from fleet.console.page_connection import Tab
+from fleet.console.page_connection import PageConnection
 from fleet.console.passwords import LONGEST as LONGEST_PASSWORD
 from fleet.console.people import LONGEST_NAME
 from fleet.console.request_guard import FOXGLOVE, LONGEST_BODY, AllowedHosts, Guard
@@ -277,7 +277,7 @@ class _App:
         if len(self._hub.tabs) >= MOST_TABS:
             await socket.close(TRY_AGAIN_LATER, f"{MOST_TABS} pages are open already; close one")
             return
-        tab = Tab(socket, self._hub, session.operator)
+        tab = PageConnection(socket, self._hub, session.operator)
         self._hub.tabs.add(tab)
         watching = asyncio.create_task(self._end_with(session, socket), name="session")
         try:

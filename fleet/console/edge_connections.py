@@ -86,7 +86,7 @@ class EdgeConnections:
 
     def _opened(self, _edge: str, bus: Bus) -> None:
         """Subscribe on an edge's bus, and query earlier publications; blocks."""
-        for key in (keys.state("*", "*"), keys.health("*"), keys.places("*", "*"), keys.run("*", "*")):
+        for key in (keys.state("*", "*"), keys.health("*"), keys.positions("*", "*"), keys.run("*", "*")):
             bus.control.subscribe(key, self._arrived)
         bus.reports.gather(POSITIONS, self._gathered)
         self.queries.request_states(bus.control)

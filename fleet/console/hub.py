@@ -17,7 +17,7 @@ from fleet.console.edge_connections import EdgeConnections
 from fleet.console.exports import Exports
 from fleet.console.fleet_view import FleetView
 from fleet.console.foxglove.feed import Feed
-from fleet.console.page_connection import Tab
+from fleet.console.page_connection import PageConnection
 from fleet.console.past import RecordingReader
 from fleet.console.sessions import ConsoleUser
 from fleet.console.stops import StopTarget, StopTracker
@@ -43,7 +43,7 @@ class Hub:
         self.tiles = MapTiles(task.basemap, clock) if task.basemap is not None else None
         self.exports = Exports(task.recordings_now)
         self.foxglove = Feed(self.edges.joined, clock)
-        self.tabs: set[Tab] = set()
+        self.tabs: set[PageConnection] = set()
         self._stops = StopTracker(self.view, self.edges.bus_sessions, _directories(directory), clock)
         self._tick = asyncio.Event()
         self._count = 0

@@ -52,7 +52,7 @@ TOO_MANY = "too many requests are under way"
 Call = Callable[[Any], Awaitable[None]]
 
 
-class Tab:
+class PageConnection:
     """One page of an operator. ``watched`` is the robot that it shows in detail, empty for none."""
 
     def __init__(self, socket: WebSocket, hub: Hub, operator: ConsoleUser) -> None:

@@ -74,7 +74,7 @@ class RobotLosses:
 
     def ask(self, text: str, about: Literal["robot", "restart", "resume"]) -> None:
         """Ask a question of the engine; without an answer the run is aborted."""
-        put(
+        put_question(
             self._head,
             self._robots,
             step_name(self._program, self._head),
@@ -133,7 +133,7 @@ class RobotLosses:
         return False
 
 
-def put(
+def put_question(
     head: RunHead,
     robots: RunRobots,
     step: str,

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from fleet.missions.ending import Ending
 from fleet.missions.facts import RobotFacts
 from fleet.missions.inner_missions import InnerMissions
-from fleet.missions.losses import RobotLosses, put
+from fleet.missions.losses import RobotLosses, put_question
 from fleet.missions.program import (
     Again,
     Ask,
@@ -247,7 +247,7 @@ class StepRunner:
         """Ask a person."""
         self.head.phase = Phase.ASKING
         until, on_timeout = self.losses.now + step.timeout, step.on_timeout
-        put(self.head, self.robots, self.name, step.text, until=until, on_timeout=on_timeout)
+        put_question(self.head, self.robots, self.name, step.text, until=until, on_timeout=on_timeout)
         return True
 
     def _do(self, step: Do) -> bool:

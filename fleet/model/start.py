@@ -33,7 +33,7 @@ class StartAnswer(msgspec.Struct, frozen=True, omit_defaults=True):
     robots: dict[str, str] = {}
 
 
-class Offset(msgspec.Struct, frozen=True):
+class ClockOffset(msgspec.Struct, frozen=True):
     """Offset of another clock from ours (s, positive: ahead), and the bound of its error (s)."""
 
     seconds: float
@@ -45,15 +45,15 @@ class Offset(msgspec.Struct, frozen=True):
         return abs(self.seconds) + self.bound
 
 
-def offset_of(sent: float, shown: float, received: float) -> Offset:
+def offset_of(sent: float, shown: float, received: float) -> ClockOffset:
     """Return a clock's offset from one request: it showed ``shown`` between ``sent`` and ``received``.
 
     The answer may have been made at any moment between the two, so half of that time is the bound.
     """
-    return Offset(shown - (sent + received) / 2, max(received - sent, 0.0) / 2)
+    return ClockOffset(shown - (sent + received) / 2, max(received - sent, 0.0) / 2)
 
 
-def check_clock(where: str, offset: Offset | None) -> None:
+def check_clock(where: str, offset: ClockOffset | None) -> None:
     """Raise Refused for the clock of a process that differs too much, or that could not be measured."""
     if offset is None:
         raise Refused(f"{where} does not report its time: no robot is started")

@@ -36,7 +36,7 @@ PASSED = (
 )
 """Environment variables for processes with drop-in code, besides those of the locale (LC_*)."""
 
-Steps = tuple[str | int, ...]
+PathSteps = tuple[str | int, ...]
 T = TypeVar("T")
 
 
@@ -73,7 +73,7 @@ class ProblemPlace(msgspec.Struct, frozen=True):
     file: str
     line: int
     column: int
-    path: Steps = ()
+    path: PathSteps = ()
 
 
 class ConfigCase(msgspec.Struct, frozen=True):
@@ -85,12 +85,12 @@ class ConfigCase(msgspec.Struct, frozen=True):
 
     adapter: str
     data: str
-    at: Steps
+    at: PathSteps
     folder: str
-    marks: tuple[tuple[Steps, ProblemPlace], ...] = ()
-    keys: tuple[tuple[Steps, ProblemPlace], ...] = ()
-    texts: tuple[Steps, ...] = ()
-    spoiled: tuple[Steps, ...] = ()
+    marks: tuple[tuple[PathSteps, ProblemPlace], ...] = ()
+    keys: tuple[tuple[PathSteps, ProblemPlace], ...] = ()
+    texts: tuple[PathSteps, ...] = ()
+    spoiled: tuple[PathSteps, ...] = ()
 
 
 class Flaw(msgspec.Struct, frozen=True):

@@ -9,7 +9,7 @@ REPORTS = "cw/*/data/**"
 
 def published(edge: str) -> tuple[str, ...]:
     """Return the recorded keys of an edge besides reports."""
-    return (*requested_first(edge), keys.places(edge, "*"), keys.held(edge), keys.stop(edge))
+    return (*requested_first(edge), keys.positions(edge, "*"), keys.held(edge), keys.stop(edge))
 
 
 def requested_first(edge: str) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ import msgspec
 from fleet.clock import Clock
 from fleet.config.missions import Mission
 from fleet.errors import FleetError
-from fleet.host.edge.mission_robots import RobotHere, can, trouble
+from fleet.host.edge.mission_robots import LocalRunPort, can, trouble
 from fleet.host.edge.rehearsal_task import RehearsalLine, RehearsalTask
 from fleet.host.requests.stop_cause import local_cause
 from fleet.missions.model import MissionConfig
@@ -28,7 +28,7 @@ from fleet.model.command import Origin, Transport
 from fleet.model.state import RobotState
 from fleet.rehearsal.common_start import SimulatedStart
 from fleet.rehearsal.recording import MOVES, Distances, MemoryStore, Tracks
-from fleet.rehearsal.simulated_robots import SimulatedRobots, players_of
+from fleet.rehearsal.simulated_robots import SimulatedRobots, substitutes_of
 from fleet.runtime.simulated_time import JumpingLoop, LoopClock
 
 RUN = "rehearsal"
@@ -55,7 +55,7 @@ class Rehearsal:
         self._within = within
         self._began = self._reported_at = time.monotonic()
         self._clock: Clock = LoopClock(asyncio.get_running_loop())
-        self._robots = SimulatedRobots(players_of(task), task.site, self._clock, self._heard)
+        self._robots = SimulatedRobots(substitutes_of(task), task.site, self._clock, self._heard)
         self._store = MemoryStore(lambda note: tell(RehearsalLine(note.at, note.step, note)))
         self._policies = {name: player.policy for name, player in self._robots.players.items()}
         self._members: dict[str, str] = {}
@@ -66,7 +66,7 @@ class Rehearsal:
         self._last: RunState | None = None
         self._runs = Runs(
             "rehearsal",
-            {name: RobotHere(robot) for name, robot in self._robots.robots.items()},
+            {name: LocalRunPort(robot) for name, robot in self._robots.robots.items()},
             candidates=self._candidates,
             allowed=self._refusal,
             site=SiteMap(task.places, task.site),

@@ -43,7 +43,7 @@ PARKED = "stand-in that stands where the robot is"
 STAND_IN = "kinematic stand-in: {} has no simulator that runs in simulated time"
 
 
-class Player(msgspec.Struct, frozen=True):
+class RobotSubstitute(msgspec.Struct, frozen=True):
     """Replacement of a robot: its adapter's class with a config for a simulation, or a stand-in."""
 
     name: str
@@ -63,7 +63,7 @@ class SimulatedRobots:
 
     def __init__(
         self,
-        players: Iterable[Player],
+        players: Iterable[RobotSubstitute],
         site: GeoOrigin | None,
         clock: Clock,
         heard: Callable[[str, str], None],
@@ -76,7 +76,7 @@ class SimulatedRobots:
         self._shared = SharedResources()
         self.robots = {name: self._robot(player) for name, player in self.players.items()}
 
-    def _robot(self, player: Player) -> LocalRobot:
+    def _robot(self, player: RobotSubstitute) -> LocalRobot:
         """Build one robot."""
 
         def record(event: EventReport) -> None:
@@ -146,7 +146,7 @@ class _NullReportQueue(ReportQueue):
         return lambda _report: None
 
 
-def players_of(task: RehearsalTask) -> list[Player]:
+def substitutes_of(task: RehearsalTask) -> list[RobotSubstitute]:
     """Return the players of a task's robots; raises ConfigError for an adapter that cannot be used here.
 
     A robot without a role stands at its position; it is left out if that is unknown.
@@ -160,7 +160,9 @@ def players_of(task: RehearsalTask) -> list[Player]:
     ]
 
 
-def _player(placed: PlacedRobot, importer: Importer, task: RehearsalTask, *, takes_part: bool) -> Player:
+def _player(
+    placed: PlacedRobot, importer: Importer, task: RehearsalTask, *, takes_part: bool
+) -> RobotSubstitute:
     """Return the player of one robot."""
     spec, state = importer.spec(placed.task), placed.state
     policy = SourcePolicy(spec.config.accepts, simulated=spec.config.simulated)
@@ -175,11 +177,13 @@ def _player(placed: PlacedRobot, importer: Importer, task: RehearsalTask, *, tak
     simulation = played.simulation(config, start) if takes_part else None
     if simulation is not None:
         adapter = _with_state(played, simulation.state) if simulation.state else played
-        return Player(state.name, kind, simulation.what, adapter, simulation.config, policy, simulation)
+        return RobotSubstitute(
+            state.name, kind, simulation.what, adapter, simulation.config, policy, simulation
+        )
     found = {POSE: start.pose} | ({} if start.battery is None else {BATTERY: start.battery})
     who = STAND_IN.format(kind) if takes_part else PARKED
     adapter = _with_state(stand_in_for(played), found)
-    return Player(state.name, kind, who, adapter, _placed(config, state), policy)
+    return RobotSubstitute(state.name, kind, who, adapter, _placed(config, state), policy)
 
 
 def start_of(state: RobotState, site: GeoOrigin | None, seed: int) -> SimulationStart:

@@ -26,7 +26,7 @@ class AccountsError(FleetError):
     """A name of an edge or operator is invalid or ambiguous as an account name."""
 
 
-def edge_services(edge: str) -> list[str]:
+def edge_subjects(edge: str) -> list[str]:
     """Return the subjects of an edge: requests for its desired state and for bundles, its report."""
     return [
         f"$JS.API.DIRECT.GET.KV_{DESIRED}.{subject(DESIRED, edge)}",
@@ -43,7 +43,7 @@ def edge_account(edge: str) -> str:
 def edge_permissions(edge: str) -> dict[str, object]:
     """Return the permissions of the user of an edge, in the account of that edge."""
     return {
-        "publish": {"allow": edge_services(edge)},
+        "publish": {"allow": edge_subjects(edge)},
         "subscribe": {"allow": [f"{inbox_of(edge)}.>"]},
     }
 
@@ -64,7 +64,7 @@ def server_accounts(edges: Iterable[str], operators: Iterable[str]) -> str:
     """
     edges, operators = tuple(edges), tuple(operators)
     _check(edges, operators)
-    services = {edge: edge_services(edge) for edge in edges}
+    services = {edge: edge_subjects(edge) for edge in edges}
     allowed: dict[str, list[str]] = {}
     for edge, subjects in services.items():
         for each in subjects:

@@ -17,7 +17,7 @@ from fleet.clock import Clock
 from fleet.errors import FleetError, StateError
 from fleet.health.aggregate import LEVELS
 from fleet.model.health import Level
-from fleet.rollout.bundle import Bundle, BundleError, opened
+from fleet.rollout.bundle import Bundle, BundleError, verify_bundle
 from fleet.rollout.decision import AgentAction, AgentRecord, Refusal, action, version_refusal
 from fleet.rollout.edge_here import ApplyResult, EdgeHere, Running
 from fleet.rollout.faults import got_worse
@@ -134,7 +134,7 @@ class Agent:
 
     def _opened(self, data: bytes, desired: DesiredState) -> Bundle:
         """Return the bundle if this edge accepts it; raises BundleError."""
-        address, bundle = opened(data, self._trusted, desired.bundle)
+        address, bundle = verify_bundle(data, self._trusted, desired.bundle)
         if self._edge not in bundle.edges:
             raise BundleError(f"the bundle is for {', '.join(bundle.edges[:5])}, not for edge {self._edge}")
         if why := version_refusal(self.record, address, bundle.version):

@@ -60,7 +60,7 @@ def address_of(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def sealed(bundle: Bundle, key: PrivateKey) -> tuple[str, bytes]:
+def sign_bundle(bundle: Bundle, key: PrivateKey) -> tuple[str, bytes]:
     """Return the address and the signed bytes of a bundle; raises BundleError."""
     _check(bundle)
     content = msgspec.json.encode(bundle, order="deterministic")
@@ -71,7 +71,7 @@ def sealed(bundle: Bundle, key: PrivateKey) -> tuple[str, bytes]:
     return address_of(content), data
 
 
-def opened(data: bytes, trusted: Mapping[str, PublicKey], address: str = "") -> tuple[str, Bundle]:
+def verify_bundle(data: bytes, trusted: Mapping[str, PublicKey], address: str = "") -> tuple[str, Bundle]:
     """Verify and decode a bundle; return its address and content.
 
     The bytes must be signed by one of the trusted keys. If ``address`` is not empty, the content must have

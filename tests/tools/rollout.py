@@ -2,7 +2,7 @@
 
 import msgspec
 
-from fleet.rollout.bundle import Bundle, sealed
+from fleet.rollout.bundle import Bundle, sign_bundle
 from fleet.rollout.edge_here import ApplyResult, Code, Running
 from fleet.rollout.messages import DesiredState, EdgeTarget, ObservedState, Rollout, read_entry
 from fleet.rollout.store import StoreError, parts_of
@@ -117,7 +117,7 @@ def bundle_of(version=1, edges=("yard-1",), text="", **files):
 
 def desired_of(key, version, *, rollout="r1", settle=0.0, **fields):
     """Return an address, the bytes of a bundle, and what an edge is told of it."""
-    address, data = sealed(bundle_of(version, **fields), key)
+    address, data = sign_bundle(bundle_of(version, **fields), key)
     return address, data, DesiredState(rollout, address, len(parts_of(data)), settle, "alice")
 
 

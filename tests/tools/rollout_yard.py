@@ -1,7 +1,7 @@
 """Roll-out fixture of one edge with its agent, its folder and a store in memory."""
 
 from fleet.rollout.agent import Agent
-from fleet.rollout.bundle import sealed
+from fleet.rollout.bundle import sign_bundle
 from fleet.rollout.decision import AgentRecord
 from fleet.rollout.installation import Installation
 from fleet.rollout.messages import DesiredState
@@ -19,7 +19,7 @@ class Yard:
         self.store, self.clock = MemoryStore(), ManualClock()
         self.installation = Installation(folder)
         self.here = FakeEdge(self.installation)
-        self.first, data = sealed(bundle_of(1), KEY)
+        self.first, data = sign_bundle(bundle_of(1), KEY)
         self.installation.stage(bundle_of(1), self.first)
         self.installation.save_record(AgentRecord(self.first, 1, self.first))
         self.installation.activate(self.first)

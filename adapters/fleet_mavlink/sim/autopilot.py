@@ -26,7 +26,7 @@ from fleet_mavlink.sim.params import Params
 from fleet_mavlink.sim.parts import Parts
 from fleet_mavlink.sim.physics import Agility, Body
 from fleet_mavlink.sim.satellites import GpsProfile, GpsReceiver
-from fleet_mavlink.sim.speaker import Speaker
+from fleet_mavlink.sim.speaker import MessageOutput
 from fleet_mavlink.sim.streams import SimStreams
 from fleet_mavlink.sim.uptime import Uptime
 
@@ -53,7 +53,7 @@ class Boot:
     at: float
 
 
-class Autopilot(Speaker, ABC):
+class Autopilot(MessageOutput, ABC):
     """One autopilot from boot to reboot. Times are seconds of the simulation."""
 
     autopilot_id: ClassVar[int]

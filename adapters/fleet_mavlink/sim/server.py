@@ -18,7 +18,7 @@ _ANSWER = 0.005  # s after a message, for delayed answers
 SocketAddress = tuple[str, int]
 
 
-class Station(asyncio.DatagramProtocol):
+class UdpVehicle(asyncio.DatagramProtocol):
     """One vehicle on its own UDP socket; it sends to ``target``, or to the last sender."""
 
     def __init__(self, spec: VehicleSpec, target: SocketAddress | None) -> None:
@@ -96,7 +96,7 @@ class Station(asyncio.DatagramProtocol):
             self._transport.close()
 
 
-class TcpStation(Station):
+class TcpVehicle(UdpVehicle):
     """One vehicle that waits for a TCP client; a new client replaces the old one."""
 
     def __init__(self, spec: VehicleSpec) -> None:
@@ -135,31 +135,33 @@ class TcpStation(Station):
             self._server.close()
 
 
-class Vehicles(SimServer[VehicleSpec, Station]):
+class Vehicles(SimServer[VehicleSpec, UdpVehicle]):
     """Vehicles of this process."""
 
     Spec = VehicleSpec
 
-    async def make(self, spec: VehicleSpec) -> Station:
+    async def make(self, spec: VehicleSpec) -> UdpVehicle:
         """Create a vehicle that waits on a UDP port of its own."""
         return await self._on_udp(spec, None, 0)
 
-    async def add_udp(self, spec: VehicleSpec, target: SocketAddress | None = None, port: int = 0) -> Station:
+    async def add_udp(
+        self, spec: VehicleSpec, target: SocketAddress | None = None, port: int = 0
+    ) -> UdpVehicle:
         """Add a vehicle; without a target it waits on 127.0.0.1:``port`` (0: a free one).
 
         Raises OSError if the port is in use.
         """
         return self.add_robot(await self._on_udp(spec, target, port))
 
-    async def _on_udp(self, spec: VehicleSpec, target: SocketAddress | None, port: int) -> Station:
+    async def _on_udp(self, spec: VehicleSpec, target: SocketAddress | None, port: int) -> UdpVehicle:
         """Open a vehicle's UDP socket."""
         loop = asyncio.get_running_loop()
         local = ("127.0.0.1", port) if target is None else ("0.0.0.0", 0)  # noqa: S104 - it only sends to the target
-        _, station = await loop.create_datagram_endpoint(lambda: Station(spec, target), local_addr=local)
+        _, station = await loop.create_datagram_endpoint(lambda: UdpVehicle(spec, target), local_addr=local)
         return station
 
-    async def add_tcp(self, spec: VehicleSpec, port: int) -> Station:
+    async def add_tcp(self, spec: VehicleSpec, port: int) -> UdpVehicle:
         """Add a vehicle that waits for a client on 127.0.0.1:``port``; raises OSError."""
-        station = TcpStation(spec)
+        station = TcpVehicle(spec)
         await station.listen("127.0.0.1", port)
         return self.add_robot(station)

@@ -14,7 +14,7 @@ _TEXT = 50  # bytes in one STATUSTEXT
 CRITICAL, WARNING, INFO = 2, 4, 6  # severities
 
 
-class Speaker:
+class MessageOutput:
     """Output of an autopilot: ``out`` has the unsent messages, oldest first; ``time`` is now, s."""
 
     ends_text: ClassVar[str] = ""

@@ -31,7 +31,7 @@ from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.control.exchange import SharedValue
 from fleet_quadruped.control.loop import ControlLoop
 from fleet_quadruped.control.orders import DogState, Order
-from fleet_quadruped.control.plan import ControlPlan, StatusMessage
+from fleet_quadruped.control.plan import ControlTask, StatusMessage
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.selfwalk.controller import SelfWalkController
 from fleet_quadruped.sim.simulated_machine import SimulatedMachine, on_buses
@@ -43,7 +43,7 @@ _FOR_THE_PARENT = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP)
 class Memory:
     """Exchange through the shared memory of the plan."""
 
-    def __init__(self, plan: ControlPlan) -> None:
+    def __init__(self, plan: ControlTask) -> None:
         self._orders = SharedValue(plan.order, Order)
         self._states = SharedValue(plan.state, DogState)
 
@@ -63,7 +63,7 @@ def main(arguments: list[str]) -> int:
     logging.getLogger("can.interfaces.socketcand").setLevel(logging.ERROR)  # it warns of each split read
     for number in _FOR_THE_PARENT:
         signal.signal(number, signal.SIG_IGN)
-    plan = decode_json(arguments[0], ControlPlan)
+    plan = decode_json(arguments[0], ControlTask)
     try:
         _run(plan, SystemClock())
     except (LinkError, ConfigError) as error:
@@ -76,7 +76,7 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _run(plan: ControlPlan, clock: Clock) -> None:
+def _run(plan: ControlTask, clock: Clock) -> None:
     """Open the buses, configure the drives, announce readiness, and run the cycles to the end."""
     body = load_body(Path(plan.body))
     with contextlib.ExitStack() as stack:

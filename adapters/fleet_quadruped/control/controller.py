@@ -13,7 +13,7 @@ from fleet_quadruped.body.measured import BodyMeasurement
 from fleet_quadruped.can.bus_guard import BusAddress
 from fleet_quadruped.control.drive_summaries import failed, holding, not_enabled, silent_bus, silent_joint
 from fleet_quadruped.control.lamp import Lamp
-from fleet_quadruped.control.off_watch import OffWatch
+from fleet_quadruped.control.off_watch import TorqueOffMonitor
 from fleet_quadruped.control.order_tracker import OrderTracker
 from fleet_quadruped.control.orders import DogState, LoopTiming, Order
 from fleet_quadruped.control.sensors import BodySensors
@@ -41,7 +41,7 @@ class Controller:
         self._sensors = BodySensors(dog)
         self._writer = TargetWriter(dog, self.drives)
         self._orders = OrderTracker(self.body, dog.safety.abandoned)
-        self._off = OffWatch(dog.all_joints, self._stale)
+        self._off = TorqueOffMonitor(dog.all_joints, self._stale)
         self._lamp = Lamp(dog.led, buses)
         self._loads = dog.loads
         self._joints = JointsFeedback.of([JointFeedback()] * 12)

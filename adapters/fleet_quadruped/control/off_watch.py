@@ -11,7 +11,7 @@ from fleet_quadruped.robot.joint import Joint
 _SEEN_OFF = 1.0  # s within which the drives must report that their torque is off
 
 
-class OffWatch:
+class TorqueOffMonitor:
     """Tracks whether the drives of a robot that is off confirm it. ``stale``: s after which one is silent."""
 
     def __init__(self, joints: Sequence[Joint], stale: float) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 
-class ControlPlan(msgspec.Struct, frozen=True):
+class ControlTask(msgspec.Struct, frozen=True):
     """Description file, buses by name (URLs) or simulated world, and descriptors of the shared memory.
 
     ``relay``: descriptor for frames to a recorder. ``captures``: folder for the frames before faults.

@@ -5,7 +5,7 @@ from __future__ import annotations
 _CERTAIN = 5  # consecutive cycles with two answers: late and repeated frames cannot explain them
 
 
-class Answers:
+class DriveAnswers:
     """Answers from one id. Two different answers in cycle after cycle come from two drives.
 
     ``doubled``: two drives certainly share this id; never reset.

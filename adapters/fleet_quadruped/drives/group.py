@@ -9,7 +9,7 @@ from operator import attrgetter
 from typing import Generic, TypeVar
 
 from fleet import CanBus
-from fleet_quadruped.drives.answers import Answers
+from fleet_quadruped.drives.answers import DriveAnswers
 from fleet_quadruped.drives.base import NEVER, JointsFeedback, Power
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.joint import Joint
@@ -30,7 +30,7 @@ class ReportingDrive(ABC):
     temperature: float | None = None
     voltage: float | None = None
     reported_at: float = NEVER
-    answers: Answers = field(default_factory=Answers)
+    answers: DriveAnswers = field(default_factory=DriveAnswers)
     restarted: bool = False
 
     @abstractmethod

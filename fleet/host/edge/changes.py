@@ -21,14 +21,14 @@ from fleet.config.load import Loaded, load
 from fleet.config.loaded_robots import with_configs, with_robot, without_robot
 from fleet.config.problems import InvalidConfig
 from fleet.errors import FleetError
-from fleet.host.edge.changes_elsewhere import WorkerFileChanges, ended, waits
+from fleet.host.edge.changes_elsewhere import WorkerFileChanges, partly_text, with_outcome
 from fleet.host.edge.last_configuration import LastConfigurationFile
 from fleet.host.edge.member_rules import groups_blocker, membership_refusal
 from fleet.host.edge.membership import Membership, RobotRegistrations
 from fleet.host.edge.shown_configuration import shown_configuration
 from fleet.host.edge.stops_during_change import StopsDuringChange
 from fleet.host.edge.worker_members import WorkerMembership
-from fleet.host.process.rebuild import hold, rebuild, take_over
+from fleet.host.process.rebuild import apply_configuration, hold, rebuild
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.process.stop_service import merged_groups, replace_groups
 from fleet.host.robot.local_robot import LocalRobot
@@ -231,7 +231,7 @@ class ConfigurationChanges:
     async def _member(self, change: Change, new: Loaded, requested: ChangesRequest) -> Change:
         """Add or remove a robot."""
         if why := self._member_blocker(change, new, force=requested.force):
-            return ended(change, Outcome.REFUSED, why)
+            return with_outcome(change, Outcome.REFUSED, why)
         name, added = change.name, change.kind is ChangeKind.ADDED
         try:
             if added:
@@ -242,23 +242,23 @@ class ConfigurationChanges:
             log.exception("the change of %s failed", name)
             trouble = f"{type(error).__name__}: {error}"
         if trouble:
-            return ended(change, Outcome.FAILED, trouble)
+            return with_outcome(change, Outcome.FAILED, trouble)
         running = self._running
         self._running = with_robot(running, new, name) if added else without_robot(running, name)
         self._publish()
-        return ended(change, Outcome.DONE)
+        return with_outcome(change, Outcome.DONE)
 
     async def _apply_sections(self, changes: list[Change], new: Loaded, missing: list[str]) -> list[Change]:
         """Apply sections, all or none: they refer to each other, and to robots (none of the ``missing``)."""
         if changes and missing:
             why = f"they may name {', '.join(missing)}: see there, and apply again"
-            return [ended(change, Outcome.REFUSED, why) for change in changes]
+            return [with_outcome(change, Outcome.REFUSED, why) for change in changes]
         why = "; ".join(filter(None, (self._blocker(change, new) for change in changes)))
         regroups = any(change.name == "groups" for change in changes)
         if regroups and not why and (why := await self._workers.regroup(new.config.members)):
             await self._workers.regroup(self._groups)
         if why:
-            return [ended(change, Outcome.REFUSED, why) for change in changes]
+            return [with_outcome(change, Outcome.REFUSED, why) for change in changes]
         if changes:
             taken = {change.name: getattr(new.config, change.name) for change in changes}
             config = self._running.config.model_copy(update=taken)
@@ -268,7 +268,7 @@ class ConfigurationChanges:
             self._publish()
         if regroups:
             self._workers.all_run_with(self._running)
-        return [ended(change, Outcome.DONE) for change in changes]
+        return [with_outcome(change, Outcome.DONE) for change in changes]
 
     async def _changed(self, change: Change, new: Loaded, requested: ChangesRequest) -> Change:
         """Change a robot of this process; a failure does not keep the others from their changes."""
@@ -276,7 +276,7 @@ class ConfigurationChanges:
             return await self._here(change, new, requested)
         except Exception as error:
             log.exception("the change of %s failed", change.name)
-            return ended(change, Outcome.FAILED, f"{type(error).__name__}: {error}")
+            return with_outcome(change, Outcome.FAILED, f"{type(error).__name__}: {error}")
 
     async def _here(self, change: Change, new: Loaded, requested: ChangesRequest) -> Change:
         """Change a robot of this process."""
@@ -284,7 +284,7 @@ class ConfigurationChanges:
         try:
             config = own_config(robot, new)
         except Exception as error:  # noqa: BLE001 - the validators are the adapter's own code
-            return ended(change, Outcome.FAILED, f"its adapter, as it is loaded, refuses it: {error}")
+            return with_outcome(change, Outcome.FAILED, f"its adapter, as it is loaded, refuses it: {error}")
         live, moves = change.kind is ChangeKind.SETTINGS, moving(robot)
         blocker = moves if requested.force else not_resting(robot)
         if blocker and (live or not requested.force):
@@ -292,15 +292,15 @@ class ConfigurationChanges:
         can, wanted = robot.controller.can, config
         if moves:  # the rebuild stops it; looser settings wait until its standstill is confirmed
             config = merge_stricter(robot.config, config, limits=can.limits, separation=can.separation)
-        trouble = take_over(robot, config) if live else await rebuild(self._process, robot, config)
+        trouble = apply_configuration(robot, config) if live else await rebuild(self._process, robot, config)
         if trouble:
-            return ended(change, Outcome.FAILED, f"{trouble}; {BEFORE}")
+            return with_outcome(change, Outcome.FAILED, f"{trouble}; {BEFORE}")
         known = {field: getattr(config, field) for field in SETTINGS} if moves else {}
         running = _config_of(new, change.name).model_copy(update=known)
         self._runs_with({change.name: running}, {change.name: new.given[change.name]})
         if moves and not is_equally_strict(config, wanted, can.limits, can.separation):
-            return ended(change, Outcome.PARTLY, LOOSER.format(moves))
-        return ended(change, Outcome.DONE)
+            return with_outcome(change, Outcome.PARTLY, LOOSER.format(moves))
+        return with_outcome(change, Outcome.DONE)
 
     def _stricter(
         self, robot: LocalRobot, config: AdapterConfig, new: Loaded, change: Change, moving: str
@@ -309,15 +309,15 @@ class ConfigurationChanges:
         name = robot.name
         held = hold(robot, config, whole=change.kind is ChangeKind.SETTINGS)
         if held.trouble:
-            return ended(change, Outcome.FAILED, f"{held.trouble}; {BEFORE}")
+            return with_outcome(change, Outcome.FAILED, f"{held.trouble}; {BEFORE}")
         if held.complete:
             self._runs_with({name: _config_of(new, name)}, {name: new.given[name]})
-            return ended(change, Outcome.DONE)
+            return with_outcome(change, Outcome.DONE)
         if not held.changed:
-            return ended(change, Outcome.REFUSED, moving)
+            return with_outcome(change, Outcome.REFUSED, moving)
         known = {field: getattr(held.config, field) for field in SETTINGS}
         self._runs_with({name: _config_of(self._running, name).model_copy(update=known)}, {})
-        return ended(change, Outcome.PARTLY, waits(moving))
+        return with_outcome(change, Outcome.PARTLY, partly_text(moving))
 
     def _runs_with(self, configs: Mapping[str, AdapterConfig], given: Mapping[str, str]) -> None:
         """Record changed configurations as running."""
@@ -381,7 +381,7 @@ def _left(change: Change) -> Change:
     """Return a change that cannot be applied while the edge runs, as refused."""
     if change.kind is ChangeKind.UNTOUCHED:
         return change
-    return ended(change, Outcome.REFUSED, f"{change.why}: end fleet run and start it again")
+    return with_outcome(change, Outcome.REFUSED, f"{change.why}: end fleet run and start it again")
 
 
 def _answer(question: Query, answer: ChangesAnswer) -> None:

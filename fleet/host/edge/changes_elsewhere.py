@@ -46,10 +46,10 @@ class WorkerFileChanges:
             why += f"; what holds {', '.join(looser)} back is not loosened in motion" * bool(force and looser)
             return self._held(worker, changes, held, running, new, why)
         if outcome is Outcome.FAILED:
-            return running, [ended(change, outcome, why) for change in changes]
+            return running, [with_outcome(change, outcome, why) for change in changes]
         for name, config in configs.items():
             self._remote[name].configure(config)
-        return after, [ended(change, outcome, why) for change in changes]
+        return after, [with_outcome(change, outcome, why) for change in changes]
 
     def _held(  # noqa: PLR0917 - by position
         self,
@@ -65,7 +65,7 @@ class WorkerFileChanges:
         for change in changes:
             one = held.get(change.name, HeldRobot())
             outcome, reason = _outcome(one, why)
-            ends.append(ended(change, outcome, reason))
+            ends.append(with_outcome(change, outcome, reason))
             if outcome is Outcome.REFUSED:
                 continue
             if one.complete:
@@ -90,15 +90,15 @@ def _outcome(held: HeldRobot, why: str) -> tuple[Outcome, str]:
     if held.complete:
         return Outcome.DONE, ""
     if held.changed:
-        return Outcome.PARTLY, waits(why)
+        return Outcome.PARTLY, partly_text(why)
     return Outcome.REFUSED, f"{why}; {held.why}" if held.why else why
 
 
-def waits(why: str) -> str:
+def partly_text(why: str) -> str:
     """Return the text for a robot to which a change applies in part."""
     return f"what is stricter holds from now on; the rest waits until it rests: {why}"
 
 
-def ended(change: Change, outcome: Outcome, why: str = "") -> Change:
+def with_outcome(change: Change, outcome: Outcome, why: str = "") -> Change:
     """Return a change with its outcome."""
     return msgspec.structs.replace(change, outcome=outcome, why=why)

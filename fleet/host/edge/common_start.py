@@ -22,7 +22,7 @@ from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
 from fleet.errors import Refused
 from fleet.model.command import Reply, ReplyStatus, Transport
-from fleet.model.start import PINGS, Offset, StartAnswer, StartSignal, check_clock, offset_of
+from fleet.model.start import PINGS, ClockOffset, StartAnswer, StartSignal, check_clock, offset_of
 from fleet.model.state import RobotState
 from fleet.robot_config import MAIN
 from fleet.runtime.decoding import decode_json
@@ -57,7 +57,7 @@ class CommonStart:
         self._stamp = float("inf")
         self._failed: Callable[[str], None] = lambda _: None
         self._tasks: set[asyncio.Task[None]] = set()
-        self._clocks: dict[tuple[str, str], Offset] = {}
+        self._clocks: dict[tuple[str, str], ClockOffset] = {}
 
     def prepare(
         self,

@@ -24,7 +24,7 @@ from fleet.host.edge.notifier import Notifier
 from fleet.host.edge.stops_during_change import StopsDuringChange
 from fleet.host.edge.worker_members import WorkerMembership
 from fleet.host.process.component_settings import bridge_rules
-from fleet.host.process.rebuild import ended, seen
+from fleet.host.process.rebuild import end_run, wait_until
 from fleet.host.process.robot_process import RobotProcess, RobotSpec
 from fleet.host.process.stop_inputs import StopInputs
 from fleet.host.requests.stop_cause import local_cause
@@ -167,7 +167,7 @@ class Membership:
         if remote is not None:
             return await self._removed_from_worker(remote, running, force=force)
         robot = self._process.robots[name]
-        trouble = await self.remove_from_runs(robot) or await ended(self._process, robot)
+        trouble = await self.remove_from_runs(robot) or await end_run(self._process, robot)
         if trouble:  # not run again: two adapters would move one robot
             return trouble
         if robot.controller.motion.may_be_moving:
@@ -223,7 +223,7 @@ class Membership:
             request = robot.read("command", msgspec.json.encode(message), transport=Transport.MISSION)
             if request is not None:
                 request(lambda _reply: None)
-        if await seen(lambda: not self._registrations.runs_with(robot.name), LEAVES_WITHIN):
+        if await wait_until(lambda: not self._registrations.runs_with(robot.name), LEAVES_WITHIN):
             return ""
         return f"run {', '.join(self._registrations.runs_with(robot.name))} goes by it: abort that first"
 

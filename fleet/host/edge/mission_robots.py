@@ -54,7 +54,7 @@ class RobotRules:
         self.max_age.pop(name, None)
 
 
-class RobotHere:
+class LocalRunPort:
     """A robot of this process, as a run uses it."""
 
     def __init__(self, robot: LocalRobot) -> None:
@@ -70,7 +70,7 @@ class RobotHere:
         return self._robot.read(kind, payload, transport=transport, request_id=request_id, waits=waits)
 
 
-class RobotElsewhere:
+class RemoteRunPort:
     """A robot in a worker, which describes it."""
 
     def __init__(self, robot: RemoteRobot) -> None:
@@ -100,8 +100,8 @@ class MissionRobots:
         sender: Callable[[str], Callable[[Report], None]],
     ) -> None:
         self._edge, self._sender = edge, sender
-        self.here: dict[str, RobotHere] = {}
-        self.remote: dict[str, RobotElsewhere] = {}
+        self.here: dict[str, LocalRunPort] = {}
+        self.remote: dict[str, RemoteRunPort] = {}
         self.ours: dict[str, RunPort] = {}
         self.everyones: dict[str, RunPort] = dict(partners)
         self.edges = {name: robot.edge for name, robot in partners.items()}
@@ -115,9 +115,9 @@ class MissionRobots:
         name = robot.name
         ours: RunPort
         if isinstance(robot, LocalRobot):
-            ours = self.here[name] = RobotHere(robot)
+            ours = self.here[name] = LocalRunPort(robot)
         else:
-            ours = self.remote[name] = RobotElsewhere(robot)
+            ours = self.remote[name] = RemoteRunPort(robot)
             self.edges[name] = self._edge
         self.everyones[name] = self.ours[name] = ours
         self.names[robot.twin] = name

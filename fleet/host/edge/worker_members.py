@@ -12,7 +12,7 @@ from fleet.config.load import Loaded
 from fleet.config.loaded_robots import with_robot, without_robot
 from fleet.host.edge.worker_robots import RemoteRobots, Workers
 from fleet.host.process.component_settings import worker_of
-from fleet.host.process.rebuild import seen
+from fleet.host.process.rebuild import wait_until
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_changes import WorkerChanges
@@ -80,7 +80,7 @@ class WorkerMembership:
             return "" if outcome in TAKEN else why
         manager = self._workers.add(worker, after)
         # Until its first state the worker counts as silent, and changes after this one would be refused.
-        if await seen(lambda: manager.started > 0 and not robot.silent, START_WITHIN):
+        if await wait_until(lambda: manager.started > 0 and not robot.silent, START_WITHIN):
             return ""
         await self._workers.end(worker)
         return robot.state().cause or f"worker {worker} did not come up within {START_WITHIN:g} s"

@@ -30,24 +30,24 @@ async def rebuild(process: RobotProcess, robot: LocalRobot, config: AdapterConfi
     A robot that was online must be online again within ``BACK_WITHIN``.
     """
     before, answered = robot.config, not robot.controller.offline
-    trouble = await ended(process, robot)
+    trouble = await end_run(process, robot)
     if trouble:
         return trouble
-    trouble = take_over(robot, config)
+    trouble = apply_configuration(robot, config)
     process.runs.resume(robot)
     if trouble:
         return trouble
-    if not answered or await seen(lambda: not robot.controller.offline, BACK_WITHIN):
+    if not answered or await wait_until(lambda: not robot.controller.offline, BACK_WITHIN):
         return ""
     cause = robot.state().cause
-    stuck = await ended(process, robot)
+    stuck = await end_run(process, robot)
     robot.configure(before)
     if not stuck:
         process.runs.resume(robot)
     return f"it did not answer within {BACK_WITHIN:g} s: {cause}" + (f"; {stuck}" if stuck else "")
 
 
-def take_over(robot: LocalRobot, config: AdapterConfig) -> str:
+def apply_configuration(robot: LocalRobot, config: AdapterConfig) -> str:
     """Apply a configuration to a robot's host side; return why the old one is kept, if so."""
     before = robot.config
     try:
@@ -82,15 +82,15 @@ def hold(robot: LocalRobot, config: AdapterConfig, *, whole: bool) -> HeldConfig
     if not complete and is_equally_strict(both, before, can.limits, can.separation):
         return HeldConfiguration(before)
     target = config if complete else both
-    if trouble := take_over(robot, target):
+    if trouble := apply_configuration(robot, target):
         return HeldConfiguration(before, trouble=trouble)
     return HeldConfiguration(target, changed=True, complete=complete)
 
 
-async def ended(process: RobotProcess, robot: LocalRobot) -> str:
+async def end_run(process: RobotProcess, robot: LocalRobot) -> str:
     """End a robot's run; return why it cannot be restarted."""
     process.runs.pause(robot)
-    if not await seen(lambda: process.runs.is_paused(robot), ENDS_WITHIN):
+    if not await wait_until(lambda: process.runs.is_paused(robot), ENDS_WITHIN):
         return "its run does not end; restart the edge"
     if robot.runner.leftover is None:
         return ""
@@ -99,7 +99,7 @@ async def ended(process: RobotProcess, robot: LocalRobot) -> str:
     return why
 
 
-async def seen(condition: Callable[[], bool], within: float) -> bool:
+async def wait_until(condition: Callable[[], bool], within: float) -> bool:
     """Wait until a condition holds, at most ``within`` seconds; return whether it does."""
     loop = asyncio.get_running_loop()
     end = loop.time() + within

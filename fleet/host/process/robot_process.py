@@ -21,7 +21,7 @@ from fleet.host.journal.journal import Journal, RobotJournal
 from fleet.host.logs.rotating_file import log_and_flush
 from fleet.host.process.frame_publisher import FramePublisher
 from fleet.host.process.robot_endpoints import RobotEndpoints
-from fleet.host.process.robot_runs import RobotRuns
+from fleet.host.process.robot_runs import AdapterRuns
 from fleet.host.process.setpoints import Setpoints
 from fleet.host.process.twin_holders import TwinHolders
 from fleet.host.process.video_relay import relay_video
@@ -111,7 +111,7 @@ class RobotProcess:
         self._thread = LoopMonitor(self.loop)
         self.starvation = CpuStarvation(clock.monotonic(), self._thread.waited())
         self._shared = SharedResources()
-        self.runs = RobotRuns(lambda robot: self.holders.update(robot))  # noqa: PLW0108 - they are made below
+        self.runs = AdapterRuns(lambda robot: self.holders.update(robot))  # noqa: PLW0108 - they are made below
         self._state_calls: dict[str, PeriodicCall] = {}  # publish the state of each robot
         self.services: list[RobotService] = []
         self._setpoints = Setpoints(bus.reports, self.loop)

@@ -13,7 +13,7 @@ log = logging.getLogger(__name__)
 CHANGES = "its configuration changes"
 
 
-class RobotRuns:
+class AdapterRuns:
     """Runs of the robots of one process. ``again`` is called for a robot that may run again."""
 
     def __init__(self, again: Callable[[LocalRobot], None]) -> None:

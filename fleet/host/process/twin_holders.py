@@ -10,7 +10,7 @@ import msgspec
 
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
-from fleet.host.process.robot_runs import RobotRuns
+from fleet.host.process.robot_runs import AdapterRuns
 from fleet.host.process.twin_claims import TwinClaims
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.runtime.decoding import decode_json
@@ -31,7 +31,7 @@ class TwinHolders:
         edge: str,
         bus_session: ZenohSession,
         robots: Mapping[str, LocalRobot],
-        runs: RobotRuns,
+        runs: AdapterRuns,
         *,
         settle: float,
         clock: Clock,

@@ -22,7 +22,7 @@ from fleet.errors import Fault, LinkError, LinkLost, LinkRefused, NotReady
 from fleet.host.robot.controller import RobotController
 from fleet.host.robot.failure_counter import FAILURE_WINDOW, MOST_FAILURES, FailureCounter
 from fleet.host.robot.robot_handle import RobotHandle
-from fleet.host.robot.run_health import RunHealth
+from fleet.host.robot.run_health import AdapterHealth
 from fleet.host.runtime.cancellation import result_of, retrieve_exception
 from fleet.model.health import Health, Level
 from fleet.runtime.exception_barrier import (
@@ -89,7 +89,7 @@ class AdapterRunner:
         self._new_waits = waits
         self._clock = clock
         self._log = logging.getLogger(f"fleet.robot.{controller.name}")
-        self._health = RunHealth(self._log, changed=changed, level_changed=level_changed)
+        self._health = AdapterHealth(self._log, changed=changed, level_changed=level_changed)
         self._log_exceptions = log_exceptions(
             self._log, "the loss of the robot could not be recorded; it is halted anyway"
         )

@@ -23,9 +23,9 @@ from fleet.host.robot.attached_adapter import AttachedAdapter
 from fleet.host.robot.executor import admits, may_still_move
 from fleet.host.robot.goal_requests import GoalRequests
 from fleet.host.robot.motion_guard import MotionGuard
-from fleet.host.robot.own_commands import MOTION, own_commands
+from fleet.host.robot.own_commands import MOTION, host_commands
 from fleet.host.robot.robot_motion import RobotMotion
-from fleet.host.robot.run_commands import run_commands
+from fleet.host.robot.run_commands import control_commands
 from fleet.host.robot.setpoint_requests import SetpointRequests
 from fleet.host.robot.velocity_control import VelocityControl
 from fleet.host.runtime.threads import HALT_WAIT, call_sequentially
@@ -114,14 +114,14 @@ class RobotController:
         )
         self.task_refusal = self.goals.task_refusal
         self.observe = self.goals.follower.observe  # its poses
-        self.own = own_commands(
+        self.own = host_commands(
             release=self.latch.release,
             restart=restart,
             store=self.speeds.store,
             drives=capabilities.drives,
             follow=self.joints.follow if config.follows and capabilities.moves_joints else None,
             absence=lambda: attached.unreachable_refusal if attached.reachable is None else "",
-        ) | run_commands(admission, self._stop)
+        ) | control_commands(admission, self._stop)
         self.configured = (admission, self.speeds, self.guard, driving, self.goals.follower)
 
     @property

@@ -17,7 +17,7 @@ MOTION = frozenset({FOLLOW, *SETTINGS})  # those that may move the robot, or set
 OwnCommands = dict[str, Callable[[Command, Receipt], None]]
 
 
-def own_commands(
+def host_commands(
     *,
     release: Callable[[], Any],
     restart: Callable[[], Any],

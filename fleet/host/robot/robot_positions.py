@@ -287,7 +287,7 @@ def partner_robots(config: FleetConfig) -> dict[str, str]:
 
 def exchange(traffic: RobotPositions, process: str, control: ZenohSession, scheduler: TickScheduler) -> None:
     """Exchange robot positions with the other processes of this edge and with its partners."""
-    loop, publisher = asyncio.get_running_loop(), control.publisher(keys.places(traffic.edge, process))
+    loop, publisher = asyncio.get_running_loop(), control.publisher(keys.positions(traffic.edge, process))
 
     def heard(edge: str, key: str, payload: bytes) -> None:
         loop.call_soon_threadsafe(traffic.receive, payload, edge, key.rpartition("/")[2])
@@ -297,5 +297,5 @@ def exchange(traffic: RobotPositions, process: str, control: ZenohSession, sched
             publisher.put(traffic.sheet())
 
     for edge in sorted(traffic.edges):
-        control.subscribe(keys.places(edge, "*"), partial(heard, edge))
+        control.subscribe(keys.positions(edge, "*"), partial(heard, edge))
     scheduler.every(TELL, tell)

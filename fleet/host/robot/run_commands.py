@@ -12,7 +12,7 @@ from fleet.model.command import Command
 Carries = Callable[[Command, Receipt], None]
 
 
-def run_commands(admission: Admission, stop: Carries) -> dict[str, Carries]:
+def control_commands(admission: Admission, stop: Carries) -> dict[str, Carries]:
     """Return the handlers by command; ``stop`` ends the robot's motion."""
 
     def take(request: Command, receipt: Receipt) -> None:

@@ -12,7 +12,7 @@ from fleet.runtime.exception_barrier import log_exceptions
 COMING_UP = 10.0  # s in which the steps of a start are normal: silent line, set-up
 
 
-class RunHealth:
+class AdapterHealth:
     """The health of a robot, ``now``.
 
     ``changed`` is called at each change, ``level_changed`` with each new level except the steps of a start.

@@ -14,7 +14,7 @@ import msgspec
 from fleet.bus.zenoh_session import Query
 from fleet.config.difference import SETTINGS
 from fleet.config.explain import checked
-from fleet.host.process.rebuild import hold, take_over
+from fleet.host.process.rebuild import apply_configuration, hold
 from fleet.host.process.stop_service import replace_groups
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.rest import not_resting
@@ -63,7 +63,7 @@ class HoldService:
         except Exception as error:  # noqa: BLE001 - the validators are the adapter's own code
             return HeldRobot(why=f"its adapter, as it is loaded, refuses it: {error}")
         if wanted.whole and not not_resting(robot):
-            trouble = take_over(robot, config)
+            trouble = apply_configuration(robot, config)
             return HeldRobot(why=trouble) if trouble else HeldRobot(complete=True, changed=True)
         result = hold(robot, config, whole=wanted.whole)
         if result.changed:

@@ -11,7 +11,7 @@ import msgspec
 from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.config.load import Loaded
-from fleet.host.process.rebuild import BACK_WITHIN, seen
+from fleet.host.process.rebuild import BACK_WITHIN, wait_until
 from fleet.host.robot.rest import STILL
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_manager import WorkerManager
@@ -130,9 +130,9 @@ class WorkerChanges:
         def is_back() -> bool:
             return manager.started > started and not self._is_silent(manager.name)
 
-        if not await seen(is_back, ENDS_WITHIN):
+        if not await wait_until(is_back, ENDS_WITHIN):
             return f"worker {manager.name} did not come up within {ENDS_WITHIN:g} s"
-        if await seen(lambda: all(robot.state().reachable for robot in robots), BACK_WITHIN):
+        if await wait_until(lambda: all(robot.state().reachable for robot in robots), BACK_WITHIN):
             return ""
         away = [robot.state() for robot in robots if not robot.state().reachable]
         return "; ".join(

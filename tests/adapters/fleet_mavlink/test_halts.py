@@ -16,7 +16,7 @@ from fleet_mavlink.messages import CommandLong, Heartbeat, SetPositionTargetLoca
 from fleet_mavlink.motion_effect import Effect
 from fleet_mavlink.px4 import Px4
 from fleet_mavlink.state import SILENCE
-from fleet_mavlink.turns import CommandTurn
+from fleet_mavlink.turns import CommandExchange
 
 LOITER, OFFBOARD = Px4().number_of("AUTO.LOITER"), Px4().number_of("OFFBOARD")
 HOLD = MavCmd.DO_REPOSITION  # to where it is: a pause
@@ -190,7 +190,7 @@ async def test_one_that_was_never_heard_gets_what_any_autopilot_takes_if_somebod
 )
 async def test_motion_that_is_not_confirmed_yet_is_not_asked_for_again(it, effect, requested, ended):
     it.fly()
-    async with CommandTurn(it.commander.turns, CommandLong(MavCmd.NAV_LAND), effect=effect) as turn:
+    async with CommandExchange(it.commander.turns, CommandLong(MavCmd.NAV_LAND), effect=effect) as turn:
         it.halts.halt(requested=requested)
         assert bool(turn.superseded) is ended
     assert it.commander.turns.end_halted() is ended
@@ -200,7 +200,7 @@ async def test_a_landing_that_is_about_to_change_the_mode_stays_ours(it):
     it.fly()
     it.authority.observe(it.vehicle.state, it.vehicle.flavour)
     it.authority.expect("AUTO.LAND")
-    landing = CommandTurn(it.commander.turns, CommandLong(MavCmd.NAV_LAND), effect=Effect.COMING_DOWN)
+    landing = CommandExchange(it.commander.turns, CommandLong(MavCmd.NAV_LAND), effect=Effect.COMING_DOWN)
     async with landing:
         it.halts.halt()
     for mode in ("AUTO.LOITER", "AUTO.LOITER", "AUTO.LOITER", "AUTO.LAND"):

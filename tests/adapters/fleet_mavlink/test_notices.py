@@ -3,12 +3,12 @@
 import logging
 
 from fleet.testing.clock import ManualClock
-from fleet_mavlink.notices import _MOST, Notices
+from fleet_mavlink.notices import _MOST, RateLimitedLog
 
 
 def test_each_reason_is_logged_once_a_minute_with_the_number_left_out(caplog):
     clock = ManualClock()
-    notices = Notices(logging.getLogger("desk"), clock.monotonic)
+    notices = RateLimitedLog(logging.getLogger("desk"), clock.monotonic)
     assert notices.add("a", "first")
     assert notices.add("b", "other")
     assert not any(notices.add("a", "again") for _ in range(5))
@@ -19,7 +19,7 @@ def test_each_reason_is_logged_once_a_minute_with_the_number_left_out(caplog):
 
 def test_many_reasons_take_no_more_room(caplog):
     clock = ManualClock()
-    notices = Notices(logging.getLogger("desk"), clock.monotonic)
+    notices = RateLimitedLog(logging.getLogger("desk"), clock.monotonic)
     for number in range(10 * _MOST):
         notices.add(f"reason {number}", "line")
     assert len(caplog.messages) == _MOST + 1

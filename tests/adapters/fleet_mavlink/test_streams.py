@@ -7,7 +7,7 @@ import pytest
 from fleet_mavlink.commander import Commander, CommandTimeouts
 from fleet_mavlink.constants import MavCmd, MavResult
 from fleet_mavlink.messages import Attitude, CommandAck, CommandLong, RequestDataStream
-from fleet_mavlink.streams import Streams, wanted_rates
+from fleet_mavlink.streams import MessageRates, wanted_rates
 
 
 class Vehicle:
@@ -20,7 +20,9 @@ class Vehicle:
         self.result = result
         self.attitude = attitude
         self.harness.vehicle._send = self._hear
-        self.streams = Streams(self.harness.vehicle, Commander(self.harness.vehicle, CommandTimeouts()), 10.0)
+        self.streams = MessageRates(
+            self.harness.vehicle, Commander(self.harness.vehicle, CommandTimeouts()), 10.0
+        )
 
     def _hear(self, message, _address):
         self.harness.sent.append(message)

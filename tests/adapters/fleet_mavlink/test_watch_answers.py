@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.messages import StatusTextMessage
-from fleet_mavlink.texts import Joiner
+from fleet_mavlink.texts import StatusTextAssembler
 from fleet_mavlink.watch_answers import refusal, unchanged, words
 
 ARM = mav.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
@@ -117,7 +117,7 @@ def test_every_answer_can_be_framed(blank_message):
 @given(st.integers(1, 300))
 def test_words_of_any_length_are_whole_where_they_are_joined(length):
     text = "".join(chr(33 + each % 90) for each in range(length))
-    joiner, heard = Joiner(), []
+    joiner, heard = StatusTextAssembler(), []
     pieces = words(text)
     for piece in pieces:
         said = StatusTextMessage(piece.severity, piece.text, piece.id, piece.chunk_seq)

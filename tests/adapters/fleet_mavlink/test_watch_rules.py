@@ -12,7 +12,7 @@ from fleet_mavlink.ardupilot import ArduCopter
 from fleet_mavlink.constants import MavCmd
 from fleet_mavlink.px4 import Px4
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.watch_rules import RequiredPermission, need_of
+from fleet_mavlink.watch_rules import RequiredPermission, required_permission
 
 NAN = math.nan
 COPTER = [brake.request for brake in ArduCopter().brakes(VehicleState())]
@@ -79,7 +79,7 @@ def item(current):
     ids=lambda value: value.get_type() if hasattr(value, "get_type") else value.name,
 )
 def test_who_may_send_what(message, need):
-    assert need_of(message, COPTER) is need
+    assert required_permission(message, COPTER) is need
 
 
 @pytest.mark.parametrize(
@@ -127,7 +127,7 @@ def test_who_may_send_what(message, need):
     ],
 )
 def test_a_stop_is_everybodys_and_nothing_else_is_one(stops, message, need):
-    assert need_of(message, stops) is need
+    assert required_permission(message, stops) is need
 
 
 PASSED = {
@@ -139,7 +139,11 @@ PASSED = {
 
 
 def test_of_all_messages_there_are_only_these_are_passed_on(blank_message):
-    passed = {kind.msgname for kind in mav.mavlink_map.values() if need_of(blank_message(kind)) in PASSED}
+    passed = {
+        kind.msgname
+        for kind in mav.mavlink_map.values()
+        if required_permission(blank_message(kind)) in PASSED
+    }
     assert passed == {
         "COMMAND_INT",
         "COMMAND_LONG",
@@ -174,6 +178,6 @@ def test_of_all_messages_there_are_only_these_are_passed_on(blank_message):
 @given(st.integers(0, 0xFFFF), st.lists(st.floats(width=32), min_size=7, max_size=7))
 def test_no_numbers_of_a_command_break_the_rules(command, params):
     message = requested(command, *params)
-    need = need_of(message, [*COPTER, *PX4])
+    need = required_permission(message, [*COPTER, *PX4])
     if need in {RequiredPermission.STOP, RequiredPermission.ANYBODY}:
         assert command in {176, 192, 193, 410, 510, 511, 512, 519, 520, 521, 522, 525, 527, 2504, 2505}

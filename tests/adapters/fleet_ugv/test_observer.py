@@ -7,7 +7,7 @@ import pytest
 from fleet import BatteryReport, ImuReport, JointReport, PoseReport, Vector3
 from fleet_ugv.config import UgvConfig
 from fleet_ugv.model import Feedback
-from fleet_ugv.observer import Observer
+from fleet_ugv.observer import FeedbackReporter
 from fleet_ugv.odometry import Scale, WheelOdometry
 
 TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"
@@ -16,7 +16,9 @@ TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"
 def observer(profile="ros-arduino", **more):
     basics = {"name": "rover", "twin": TWIN, "adapter": "ugv", "profile": profile, "link": f"sim:{profile}"}
     config = UgvConfig.model_validate(basics | more)
-    return Observer(config, WheelOdometry(Scale(track=0.2, left=2.0), 1.0)), config.setting.diameter / 2
+    return FeedbackReporter(
+        config, WheelOdometry(Scale(track=0.2, left=2.0), 1.0)
+    ), config.setting.diameter / 2
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 
 from fleet.bus import keys
 from fleet.model.command import Reply, ReplyStatus
-from fleet.model.start import CLOCKS_WITHIN, Offset, StartAnswer, offset_of
+from fleet.model.start import CLOCKS_WITHIN, ClockOffset, StartAnswer, offset_of
 
 
 @pytest.fixture
@@ -75,6 +75,6 @@ def test_an_instant_that_is_none_or_not_ahead_is_a_usage_error(fleet, yard, at):
 
 
 def test_an_offset_is_known_as_well_as_the_question_was_fast():
-    assert offset_of(10.0, 10.3, 10.2) == Offset(pytest.approx(0.2), pytest.approx(0.1))
-    assert Offset(-0.2, 0.1).worst == pytest.approx(0.3)
+    assert offset_of(10.0, 10.3, 10.2) == ClockOffset(pytest.approx(0.2), pytest.approx(0.1))
+    assert ClockOffset(-0.2, 0.1).worst == pytest.approx(0.3)
     assert offset_of(10.0, 10.001, 10.002).worst < CLOCKS_WITHIN

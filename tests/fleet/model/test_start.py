@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.errors import Refused
-from fleet.model.start import CLOCKS_WITHIN, Offset, check_clock, offset_of
+from fleet.model.start import CLOCKS_WITHIN, ClockOffset, check_clock, offset_of
 
 TIMES = st.floats(0, 2e9)
 
@@ -34,13 +34,15 @@ def test_the_true_offset_is_within_the_bound(sent, ahead, there, back):
 
 @pytest.mark.parametrize(
     ("offset", "worst"),
-    [(Offset(0.01, 0.002), 0.012), (Offset(-0.01, 0.002), 0.012), (Offset(0.0, 0.5), 0.5)],
+    [(ClockOffset(0.01, 0.002), 0.012), (ClockOffset(-0.01, 0.002), 0.012), (ClockOffset(0.0, 0.5), 0.5)],
 )
 def test_the_worst_difference_is_in_either_direction_with_the_error(offset, worst):
     assert offset.worst == pytest.approx(worst)
 
 
-@pytest.mark.parametrize("offset", [Offset(0, 0), Offset(CLOCKS_WITHIN, 0), Offset(-0.01, 0.01)])
+@pytest.mark.parametrize(
+    "offset", [ClockOffset(0, 0), ClockOffset(CLOCKS_WITHIN, 0), ClockOffset(-0.01, 0.01)]
+)
 def test_a_clock_that_agrees_is_taken(offset):
     check_clock("arms", offset)
 
@@ -48,9 +50,12 @@ def test_a_clock_that_agrees_is_taken(offset):
 @pytest.mark.parametrize(
     ("offset", "said"),
     [
-        (Offset(0.0205, 0.0), "the clock of arms is +20 ms from ours (within 0 ms), 20 ms are the most"),
-        (Offset(-0.25, 0.004), "the clock of arms is -250 ms from ours (within 4 ms), 20 ms are the most"),
-        (Offset(0.0, 0.021), "the clock of arms is +0 ms from ours (within 21 ms), 20 ms are the most"),
+        (ClockOffset(0.0205, 0.0), "the clock of arms is +20 ms from ours (within 0 ms), 20 ms are the most"),
+        (
+            ClockOffset(-0.25, 0.004),
+            "the clock of arms is -250 ms from ours (within 4 ms), 20 ms are the most",
+        ),
+        (ClockOffset(0.0, 0.021), "the clock of arms is +0 ms from ours (within 21 ms), 20 ms are the most"),
     ],
 )
 def test_a_clock_that_may_differ_too_much_starts_no_robot(offset, said):

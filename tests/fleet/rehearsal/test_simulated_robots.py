@@ -7,13 +7,15 @@ import pytest
 
 from fleet.model.geometry import Vector3
 from fleet.model.site import Placement
-from fleet.rehearsal.simulated_robots import players_of, start_of
+from fleet.rehearsal.simulated_robots import start_of, substitutes_of
 
 MISSION = {"roles": {"all-there-is": {}}, "steps": [{"id": "rest", "wait": "1 s"}]}
 
 
 def players(yard, *names):
-    return {player.name: player for player in players_of(yard.task(MISSION, {"all-there-is": list(names)}))}
+    return {
+        player.name: player for player in substitutes_of(yard.task(MISSION, {"all-there-is": list(names)}))
+    }
 
 
 def test_robots_with_a_role_are_simulated_and_the_others_stand_where_they_are(field):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet.rollout.bundle import HEAD, LARGEST, Bundle, BundleError, opened, sealed
+from fleet.rollout.bundle import HEAD, LARGEST, Bundle, BundleError, sign_bundle, verify_bundle
 from fleet.rollout.signature import by_name, new_key
 
 KEY = new_key()
@@ -33,31 +33,31 @@ def forged(bundle):
 
 
 def test_an_opened_bundle_equals_the_sealed_one_and_has_the_address_of_its_content():
-    address, data = sealed(bundle_of(), KEY)
-    assert opened(data, TRUSTED, address) == (address, bundle_of())
+    address, data = sign_bundle(bundle_of(), KEY)
+    assert verify_bundle(data, TRUSTED, address) == (address, bundle_of())
     assert len(address) == 64
-    assert sealed(bundle_of(), new_key())[0] == address, "the address is the content's, whoever signs it"
-    assert sealed(bundle_of(version=8), KEY)[0] != address
+    assert sign_bundle(bundle_of(), new_key())[0] == address, "the address is the content's, whoever signs it"
+    assert sign_bundle(bundle_of(version=8), KEY)[0] != address
 
 
 def test_a_bundle_signed_by_another_key_is_refused():
-    _, data = sealed(bundle_of(), new_key())
+    _, data = sign_bundle(bundle_of(), new_key())
     with pytest.raises(BundleError, match="no trusted key signed the bundle"):
-        opened(data, TRUSTED)
+        verify_bundle(data, TRUSTED)
 
 
 def test_a_signature_of_another_key_under_the_name_of_a_trusted_one_is_refused():
-    _, data = sealed(bundle_of(), other := new_key())
+    _, data = sign_bundle(bundle_of(), other := new_key())
     data = data.replace(other.public.name.encode(), KEY.public.name.encode())
     with pytest.raises(BundleError, match="no trusted key signed the bundle"):
-        opened(data, TRUSTED)
+        verify_bundle(data, TRUSTED)
 
 
 def test_a_bundle_with_the_content_of_another_address_is_refused():
-    address, _ = sealed(bundle_of(version=8), KEY)
-    _, replayed = sealed(bundle_of(), KEY)
+    address, _ = sign_bundle(bundle_of(version=8), KEY)
+    _, replayed = sign_bundle(bundle_of(), KEY)
     with pytest.raises(BundleError, match="changed on its way"):
-        opened(replayed, TRUSTED, address)
+        verify_bundle(replayed, TRUSTED, address)
 
 
 @pytest.mark.parametrize(
@@ -82,7 +82,7 @@ def test_a_bundle_with_the_content_of_another_address_is_refused():
 def test_a_signed_bundle_with_a_file_outside_its_folder_is_refused(name):
     data = forged(bundle_of(files={"fleet.yaml": b"", name: b""}))
     with pytest.raises(BundleError, match=r"no name of a file|the edge's own|stands below"):
-        opened(data, TRUSTED)
+        verify_bundle(data, TRUSTED)
 
 
 @pytest.mark.parametrize(
@@ -97,24 +97,24 @@ def test_a_signed_bundle_with_a_file_outside_its_folder_is_refused(name):
 )
 def test_a_signed_bundle_that_cannot_be_used_is_refused_with_the_reason(changes, words):
     with pytest.raises(BundleError, match=words):
-        opened(forged(bundle_of(**changes)), TRUSTED)
+        verify_bundle(forged(bundle_of(**changes)), TRUSTED)
 
 
 def test_a_bundle_that_is_too_large_is_neither_made_nor_read():
     with pytest.raises(BundleError, match="MiB"):
-        sealed(bundle_of(files={"fleet.yaml": b"x" * LARGEST}), KEY)
+        sign_bundle(bundle_of(files={"fleet.yaml": b"x" * LARGEST}), KEY)
     with pytest.raises(BundleError, match="MiB"):
-        opened(HEAD + b"x" * LARGEST, TRUSTED)
+        verify_bundle(HEAD + b"x" * LARGEST, TRUSTED)
 
 
-_, WHOLE = sealed(bundle_of(), KEY)
+_, WHOLE = sign_bundle(bundle_of(), KEY)
 
 
 @given(at=st.integers(0, len(WHOLE) - 1), byte=st.integers(0, 255))
 def test_no_bundle_with_a_changed_byte_is_accepted_as_another(at, byte):
     changed = WHOLE[:at] + bytes([byte]) + WHOLE[at + 1 :]
     try:
-        _, found = opened(changed, TRUSTED)
+        _, found = verify_bundle(changed, TRUSTED)
     except BundleError:
         return
     assert found == bundle_of()
@@ -124,5 +124,5 @@ def test_no_bundle_with_a_changed_byte_is_accepted_as_another(at, byte):
 def test_any_bytes_are_refused_in_one_line(data):
     for given_bytes in (data, HEAD + data):
         with pytest.raises(BundleError) as error:
-            opened(given_bytes, TRUSTED)
+            verify_bundle(given_bytes, TRUSTED)
         assert "\n" not in str(error.value)

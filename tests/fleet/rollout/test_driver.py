@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from fleet.rollout.agent import Agent
-from fleet.rollout.bundle import BundleError, sealed
+from fleet.rollout.bundle import BundleError, sign_bundle
 from fleet.rollout.decision import AgentRecord
 from fleet.rollout.driver import SILENT_FOR, Driver, RolloutMissing, RolloutRunning
 from fleet.rollout.edge_here import ApplyResult
@@ -32,8 +32,8 @@ class Fleet:
 
     def __init__(self, folder, edges=EDGES):
         self.store, self.clock = MemoryStore(), ManualClock()
-        self.old, _ = sealed(bundle_of(1, edges), KEY)
-        self.new, data = sealed(bundle_of(2, edges), KEY)
+        self.old, _ = sign_bundle(bundle_of(1, edges), KEY)
+        self.new, data = sign_bundle(bundle_of(2, edges), KEY)
         self.store.bundles[self.new] = data
         self.edges = {}
         for name in edges:

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from fleet.errors import StateError, StateNewer, StateTaken
-from fleet.rollout.bundle import sealed
+from fleet.rollout.bundle import sign_bundle
 from fleet.rollout.decision import AgentRecord
 from fleet.rollout.faults import PartFault
 from fleet.rollout.installation import STATE, Installation
@@ -24,7 +24,7 @@ def installation(tmp_path):
 
 def staged(installation, version, **files):
     bundle = bundle_of(version, **files)
-    address, _ = sealed(bundle, KEY)
+    address, _ = sign_bundle(bundle, KEY)
     installation.stage(bundle, address)
     return address
 

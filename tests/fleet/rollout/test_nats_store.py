@@ -11,7 +11,7 @@ from fleet.config.certificates import Identity, issue_pair, make_authority
 from fleet.errors import StateError
 from fleet.rollout.accounts import server_accounts
 from fleet.rollout.agent import Agent
-from fleet.rollout.bundle import LARGEST, BundleError, sealed
+from fleet.rollout.bundle import LARGEST, BundleError, sign_bundle
 from fleet.rollout.decision import AgentRecord
 from fleet.rollout.driver import Driver
 from fleet.rollout.edge_here import ApplyResult
@@ -111,7 +111,7 @@ async def test_an_edge_reads_its_desired_state_and_writes_its_report(fleet, edge
 
 
 async def test_a_bundle_of_several_parts_arrives_complete(fleet, edge):
-    address, data = sealed(bundle_of(large=b"x" * (2 * PART)), new_key())
+    address, data = sign_bundle(bundle_of(large=b"x" * (2 * PART)), new_key())
     parts = await fleet.put_bundle(address, data)
     assert parts == 3
     assert await edge.bundle(address, parts) == data
@@ -270,8 +270,8 @@ async def test_a_roll_out_to_a_hundred_fake_edges_on_one_server_stops_in_time(tm
     names = [f"edge-{number:03}" for number in range(100)]
     failing = set(random.Random(7).sample(names[10:], 5))
     key = new_key()
-    old, _ = sealed(bundle_of(1, names), key)
-    new, data = sealed(bundle_of(2, names), key)
+    old, _ = sign_bundle(bundle_of(1, names), key)
+    new, data = sign_bundle(bundle_of(2, names), key)
     with lease_service(tmp_path) as port:
         settings = RolloutSettings(servers=(f"nats://127.0.0.1:{port}",))
         fleet = NatsFleetStore(settings)

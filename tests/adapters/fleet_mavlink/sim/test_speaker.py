@@ -10,16 +10,16 @@ from hypothesis import strategies as st
 from fleet_mavlink.sim.ardupilot import ArduPilot
 from fleet_mavlink.sim.command_request import CommandRequest
 from fleet_mavlink.sim.px4 import SimPx4
-from fleet_mavlink.sim.speaker import CRITICAL, INFO, Speaker
+from fleet_mavlink.sim.speaker import CRITICAL, INFO, MessageOutput
 
 REQUEST = CommandRequest(400, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, None, 245, 191)
 
 
-def speaker(kind=Speaker, **faults):
+def speaker(kind=MessageOutput, **faults):
     return kind(random.Random(1), faults, 0.0)
 
 
-class Px4Like(Speaker):
+class Px4Like(MessageOutput):
     """Says texts and answers as PX4 does."""
 
     ends_text, text_id_always = SimPx4.ends_text, SimPx4.text_id_always
@@ -79,7 +79,7 @@ def test_a_delayed_message_is_said_when_it_is_due_and_once():
 
 
 def test_ardupilot_answers_at_once_and_px4_a_moment_later():
-    assert (ArduPilot.ack_delay, ArduPilot.ends_text) == (Speaker.ack_delay, Speaker.ends_text)
+    assert (ArduPilot.ack_delay, ArduPilot.ends_text) == (MessageOutput.ack_delay, MessageOutput.ends_text)
     it = speaker()
     it.acknowledge(REQUEST, 0)
     assert (it.out[0].command, it.out[0].target_system) == (400, 245)

@@ -13,7 +13,7 @@ from fleet_quadruped.control import __main__ as module
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.control.exchange import SharedValue, new_memory
 from fleet_quadruped.control.orders import DogState, Order
-from fleet_quadruped.control.plan import ControlPlan
+from fleet_quadruped.control.plan import ControlTask
 from fleet_quadruped.robot.description import EXAMPLE
 from fleet_quadruped.selfwalk.controller import SelfWalkController
 
@@ -76,7 +76,7 @@ class Process:
         """Run the process; return its exit status and what it said."""
         basics = {"body": str(EXAMPLE), "buses": {}, "sim": "kinematic", "faults": {}, "relay": -1}
         order, state = self.memory
-        given = ControlPlan(**basics | {"order": order, "state": state, "captures": self._captures} | plan)
+        given = ControlTask(**basics | {"order": order, "state": state, "captures": self._captures} | plan)
         status = module.main([msgspec.json.encode(given).decode()])
         return status, [msgspec.json.decode(line) for line in self._output.readouterr().out.splitlines()]
 

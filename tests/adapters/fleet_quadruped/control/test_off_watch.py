@@ -2,7 +2,7 @@
 
 import pytest
 
-from fleet_quadruped.control.off_watch import OffWatch
+from fleet_quadruped.control.off_watch import TorqueOffMonitor
 from fleet_quadruped.drives.base import JointFeedback, JointsFeedback, Power
 
 STALE = 0.1
@@ -16,7 +16,7 @@ def said(*powers, age=0.0):
 
 @pytest.fixture
 def watch(dog):
-    return OffWatch(dog.all_joints, STALE)
+    return TorqueOffMonitor(dog.all_joints, STALE)
 
 
 def wait(watch, reported, seconds, *, off=True):

@@ -1,11 +1,11 @@
 import pytest
 
-from fleet_quadruped.drives.answers import Answers
+from fleet_quadruped.drives.answers import DriveAnswers
 
 
 def after(*cycles):
     """Return the answers to one id after cycles in which these came."""
-    answers = Answers()
+    answers = DriveAnswers()
     for frames in cycles:
         answers.begin()
         for data in frames:

@@ -9,7 +9,7 @@ import pytest
 from fleet.adapter import Adapter, AdapterConfig
 from fleet.errors import LinkRefused
 from fleet.host.process.rebuild import BACK_WITHIN, ENDS_WITHIN, hold, rebuild
-from fleet.host.process.robot_runs import RobotRuns
+from fleet.host.process.robot_runs import AdapterRuns
 from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.robot_config import Limits
 from fleet.testing.clock import JumpingLoop, LoopClock
@@ -72,7 +72,7 @@ class Yard:
         clock = LoopClock(loop)
         self.scheduler = TickScheduler(loop, clock)
         self.robot = local_robot(before, Cart, clock=clock, scheduler=self.scheduler)
-        self.runs = RobotRuns(again=self._again)
+        self.runs = AdapterRuns(again=self._again)
         self.process = SimpleNamespace(runs=self.runs)
         self.time = loop.time
 

@@ -14,7 +14,7 @@ from cyberwave.data.header import HeaderTemplate
 
 from fleet.host.logs.line_format import JsonFormatter
 from fleet.host.logs.rotating_file import RotatingLogFile
-from fleet.host.process.robot_runs import RobotRuns
+from fleet.host.process.robot_runs import AdapterRuns
 from fleet.host.process.setpoints import receive_setpoint
 from fleet.host.requests.receipt import Receipt
 from fleet.host.requests.stop_cause import local_cause
@@ -411,7 +411,7 @@ async def test_runs_have_not_ended_while_an_adapter_ignores_its_end(caplog):
         SimpleNamespace(name=name, runner=SimpleNamespace(leftover=left))
         for name, left in (("rex", deaf), ("max", None))
     ]
-    ended = asyncio.ensure_future(RobotRuns(lambda _: None).all_ended(robots))
+    ended = asyncio.ensure_future(AdapterRuns(lambda _: None).all_ended(robots))
     await asyncio.wait({ended}, timeout=0.02)
     assert not ended.done()
     assert "the adapters of rex do not end" in caplog.text

@@ -5,7 +5,7 @@ import types
 
 import pytest
 
-from fleet.host.process.robot_runs import CHANGES, RobotRuns
+from fleet.host.process.robot_runs import CHANGES, AdapterRuns
 
 
 class Robot:
@@ -45,7 +45,7 @@ async def runs(rex):
     def again(robot):
         runs.run(robot)
 
-    runs = RobotRuns(again)
+    runs = AdapterRuns(again)
     yield runs
     runs.ending = True
     runs.suspend(rex, "the edge ends")

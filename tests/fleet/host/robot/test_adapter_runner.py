@@ -11,7 +11,7 @@ from fleet.errors import Fault, LinkLost, LinkRefused, NotReady
 from fleet.host.robot import adapter_runner as runners
 from fleet.host.robot.adapter_runner import AdapterRunner
 from fleet.host.robot.robot_handle import RobotHandle
-from fleet.host.robot.run_health import RunHealth
+from fleet.host.robot.run_health import AdapterHealth
 from fleet.host.runtime.blocking_calls import BlockingCalls
 from fleet.host.runtime.shared_resources import SharedResources
 from fleet.host.runtime.tick_scheduler import TickScheduler
@@ -425,7 +425,7 @@ async def test_a_robot_is_halted_and_run_again_though_whoever_watches_its_health
         raise ZeroDivisionError("oops")
 
     monkeypatch.setattr(
-        runners, "RunHealth", lambda log, **_: RunHealth(log, changed=fail, level_changed=fail)
+        runners, "RunHealth", lambda log, **_: AdapterHealth(log, changed=fail, level_changed=fail)
     )
     one, end = await moving(stage, requests, bench)
     end.set()

@@ -5,13 +5,13 @@ import logging
 
 import pytest
 
-from fleet.host.robot.run_health import RunHealth
+from fleet.host.robot.run_health import AdapterHealth
 from fleet.model.health import Health, Level
 
 SILENT = Health(Level.OFFLINE, "it has not spoken yet")
 
 
-class RecordingRunHealth(RunHealth):
+class RecordingRunHealth(AdapterHealth):
     """The health of a robot, with everything that was told of it."""
 
     def __init__(self):
@@ -46,7 +46,7 @@ async def test_a_watcher_that_fails_keeps_nobody_from_the_health(caplog):
     def fail(*_):
         raise ZeroDivisionError("oops")
 
-    health = RunHealth(logging.getLogger("fleet.robot.rover"), changed=fail, level_changed=fail)
+    health = AdapterHealth(logging.getLogger("fleet.robot.rover"), changed=fail, level_changed=fail)
     health.set(SILENT)
     health.begin_start()
     health.end_start()
@@ -68,7 +68,7 @@ async def test_what_is_still_wrong_after_a_start_is_reported(monkeypatch):
     monkeypatch.setattr("fleet.host.robot.run_health.COMING_UP", 0.0)
     level = asyncio.get_running_loop().create_future()
     log = logging.getLogger("fleet.robot.rover")
-    health = RunHealth(log, changed=lambda: None, level_changed=level.set_result)
+    health = AdapterHealth(log, changed=lambda: None, level_changed=level.set_result)
     health.begin_start()
     health.set(SILENT)
     assert await asyncio.wait_for(level, 5) == SILENT
