@@ -30,7 +30,7 @@ from bench.common import (
 )
 from bench.record import send
 from fleet.bus.settings import runtime_dir
-from fleet.console.links import LinkRequest, request_link
+from fleet.console.login_links import LinkRequest, request_link
 from fleet.console.task import link_socket
 from fleet.model.permission import Permission
 from tests.browser import open_page

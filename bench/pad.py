@@ -9,7 +9,7 @@ from pathlib import Path
 
 from bench.common import free_port, line, process
 from fleet.bus.settings import runtime_dir
-from fleet.console.links import LinkRequest, request_link
+from fleet.console.login_links import LinkRequest, request_link
 from fleet.console.task import link_socket
 from fleet.model.permission import Permission
 from tests.browser import open_page

@@ -46,7 +46,7 @@ import pathlib, sys, time
 from fleet.bus.edge_buses import EdgeBuses
 from fleet.bus.settings import runtime_dir
 from fleet.clock import SystemClock
-from fleet.record.sources import published, REPORTS
+from fleet.record.recorded_keys import published, REPORTS
 from fleet.bus import keys
 import asyncio
 def opened(edge, bus):

@@ -12,7 +12,7 @@ from fleet_mavlink.flavour import CalibrationStep, Flavour
 from fleet_mavlink.messages import CommandLong, MavlinkCommand, MavlinkMessage
 from fleet_mavlink.payload_messages import MagCalProgress, MagCalReport
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.texts import Sentence
+from fleet_mavlink.statustext import Sentence
 
 _GROUND_SPEED = 1.0  # param1 of DO_CHANGE_SPEED
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from fleet import CommandError, NotReady, Refused, TimedOut, Vector3
+from fleet_mavlink.command_queue import Superseded
 from fleet_mavlink.commander import Commander
 from fleet_mavlink.constants import VTOL_HOVERS
 from fleet_mavlink.flavour import arm_command, ned_setpoint
@@ -12,7 +13,6 @@ from fleet_mavlink.messages import MavlinkMessage
 from fleet_mavlink.motion_effect import Effect
 from fleet_mavlink.preconditions import require_heartbeat
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.turns import Superseded
 from fleet_mavlink.unknown_kind import UnknownKind
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.vehicle_kind import Brake, VehicleKind

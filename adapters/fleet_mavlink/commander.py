@@ -13,6 +13,7 @@ from collections.abc import Callable
 import msgspec
 
 from fleet import GeoOrigin, GeoPoint, NotReady, Refused, TimedOut, Unsupported, world_from_geo
+from fleet_mavlink.command_queue import CommandExchange, CommandQueue
 from fleet_mavlink.constants import MavCmd, MavResult, result_name
 from fleet_mavlink.messages import (
     CommandAck,
@@ -24,8 +25,7 @@ from fleet_mavlink.messages import (
 )
 from fleet_mavlink.motion_effect import Effect, effect_of
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.texts import WARNING, Sentence
-from fleet_mavlink.turns import CommandExchange, CommandQueue
+from fleet_mavlink.statustext import WARNING, Sentence
 from fleet_mavlink.vehicle import StateCondition, Vehicle
 
 

@@ -12,7 +12,7 @@ from fleet_mavlink.messages import MavlinkMessage
 from fleet_mavlink.payload_messages import MagCalProgress, MagCalReport
 from fleet_mavlink.preconditions import require_connection
 from fleet_mavlink.received_messages import ReceivedMessages
-from fleet_mavlink.texts import Sentence
+from fleet_mavlink.statustext import Sentence
 
 _SILENCE = 15.0  # s without a message after which the calibration counts as ended
 _CANCELLED = Sentence("cancelled", 6, 0.0)

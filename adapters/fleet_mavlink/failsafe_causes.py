@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.texts import WARNING, Sentence
+from fleet_mavlink.statustext import WARNING, Sentence
 
 _BEFORE = 3.0  # s before a fail-safe, or its change of mode, in which texts may contain its reason
 _AFTER = 0.8  # s after it: ArduPilot sends the reason after the mode

@@ -20,7 +20,7 @@ from fleet_mavlink.messages import (
     SetPositionTargetLocalNed,
 )
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.texts import Sentence
+from fleet_mavlink.statustext import Sentence
 from fleet_mavlink.vehicle_kind import Brake, VehicleKind
 from fleet_mavlink.vocabulary import NO_TRANSITION
 

@@ -20,6 +20,7 @@ from fleet import (
     Refused,
     world_from_geo,
 )
+from fleet_mavlink.command_queue import Superseded
 from fleet_mavlink.constants import MavCmd, MavFrame
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.flight import Flight
@@ -28,7 +29,6 @@ from fleet_mavlink.mission_messages import MissionItemInt
 from fleet_mavlink.plans import Plans, PlanType
 from fleet_mavlink.preconditions import home_unknown, require_control, require_has
 from fleet_mavlink.takeoff import TakeOff
-from fleet_mavlink.turns import Superseded
 from fleet_mavlink.wings import Winged
 
 _POLL_INTERVAL = 0.5  # s

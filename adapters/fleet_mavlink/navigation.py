@@ -31,7 +31,6 @@ from fleet import (
     wrap_angle,
 )
 from fleet_mavlink.flight import FARTHEST, Flight
-from fleet_mavlink.frames import pose_of
 from fleet_mavlink.motion_effect import effect_of_descent
 from fleet_mavlink.preconditions import (
     home_unknown,
@@ -47,6 +46,7 @@ from fleet_mavlink.state import VehicleState
 from fleet_mavlink.takeoff import TakeOff
 from fleet_mavlink.vocabulary import ON_WINGS
 from fleet_mavlink.wings import Winged
+from fleet_mavlink.world_frame import pose_of
 
 _YAW_TOLERANCE = 0.2  # rad
 _POLL = 0.5  # s between checks

@@ -12,7 +12,7 @@ from fleet_mavlink.flavour import CalibrationStep, Flavour
 from fleet_mavlink.messages import CommandInt, CommandLong, MavlinkMessage
 from fleet_mavlink.px4_kinds import Px4Kind
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.texts import Sentence
+from fleet_mavlink.statustext import Sentence
 
 _CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
 _CAL = "[cal] "  # prefix of its texts about a calibration

@@ -17,7 +17,7 @@ from fleet_mavlink.messages import CommandLong, SysStatus
 from fleet_mavlink.preconditions import require_connection
 from fleet_mavlink.remote_id import trouble_of
 from fleet_mavlink.state import Fix, VehicleState
-from fleet_mavlink.texts import WARNING, Sentence
+from fleet_mavlink.statustext import WARNING, Sentence
 
 _SAID_FOR = 35.0  # s; ArduPilot repeats what is wrong every 30 s
 _REASONS = ("arm", "prearm", "preflight")  # with which an autopilot begins what keeps it from arming

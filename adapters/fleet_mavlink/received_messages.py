@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from fleet_mavlink.messages import MavlinkMessage
-from fleet_mavlink.texts import Sentence
+from fleet_mavlink.statustext import Sentence
 
 SaidT = TypeVar("SaidT", bound=MavlinkMessage | Sentence)
 _MOST = 4096  # messages kept; further ones are dropped

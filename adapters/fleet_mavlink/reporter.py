@@ -22,7 +22,7 @@ from fleet_mavlink import reports
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.motors import Motors
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.texts import Sentence
+from fleet_mavlink.statustext import Sentence
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.vehicle_kind import VehicleKind
 

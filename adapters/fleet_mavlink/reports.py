@@ -19,10 +19,10 @@ from fleet import (
     TelemetryReport,
 )
 from fleet_mavlink.constants import type_name
-from fleet_mavlink.frames import flu_from_frd, pose_of
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.texts import Sentence
+from fleet_mavlink.statustext import Sentence
 from fleet_mavlink.vehicle_kind import VehicleKind
+from fleet_mavlink.world_frame import flu_from_frd, pose_of
 
 NO_FIX = "none"  # fix type of a receiver without a fix
 _IMU_FRESH = 1.0  # s

@@ -18,6 +18,7 @@ from fleet import (
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.braking import Brakes
 from fleet_mavlink.camera import CameraComponent
+from fleet_mavlink.command_queue import Superseded
 from fleet_mavlink.commander import Commander, CommandTimeouts
 from fleet_mavlink.compass import Compass
 from fleet_mavlink.config import MavlinkConfig
@@ -27,11 +28,11 @@ from fleet_mavlink.failsafes import Failsafes
 from fleet_mavlink.fence import FenceUploader
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.flight import Flight
-from fleet_mavlink.frames import origin_of
 from fleet_mavlink.gimbal import Gimbal
 from fleet_mavlink.halts import Halts, require_ours
 from fleet_mavlink.link_hub import LinkHub
 from fleet_mavlink.logs import LogReader
+from fleet_mavlink.message_rates import MessageRates
 from fleet_mavlink.mission import MissionExecutor
 from fleet_mavlink.navigation import AutopilotNavigator
 from fleet_mavlink.parameters import Parameters
@@ -42,13 +43,12 @@ from fleet_mavlink.remote_id import RemoteId
 from fleet_mavlink.reporter import Reporter
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.steering import SteeringSettings
-from fleet_mavlink.streams import MessageRates
 from fleet_mavlink.takeoff import TakeOff
-from fleet_mavlink.turns import Superseded
 from fleet_mavlink.vehicle import Vehicle, circle_of, missing_commands
 from fleet_mavlink.vehicle_health import VehicleHealth
 from fleet_mavlink.velocity_stream import PERIOD, VelocityStream
 from fleet_mavlink.wing_settings import WingSettings
+from fleet_mavlink.world_frame import origin_of
 
 GENTLE = "stop"  # the reason of a plain stop, which ends a burst of velocities
 _STANDS_WITHIN = 3.0  # s

@@ -25,7 +25,7 @@ from fleet_mavlink.payload_messages import GimbalDeviceAttitudeStatus
 from fleet_mavlink.received_messages import ReceivedMessages, SaidT
 from fleet_mavlink.redundant_links import link_index_of
 from fleet_mavlink.state import SILENCE, VehicleState, reduce
-from fleet_mavlink.texts import Sentence, StatusTextAssembler
+from fleet_mavlink.statustext import Sentence, StatusTextAssembler
 from fleet_mavlink.vehicle_kind import Brake, VehicleKind
 from fleet_mavlink.vocabulary import OF_A_MOVED_VEHICLE, PX4_ROVER
 from fleet_mavlink.wings import Winged

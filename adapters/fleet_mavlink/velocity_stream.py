@@ -9,9 +9,9 @@ from collections.abc import Awaitable, Callable
 
 from fleet import ZERO_VELOCITY, FleetError, NotReady, Refused, Unsupported, Vector3, Velocity
 from fleet_mavlink.authority import Authority
+from fleet_mavlink.command_queue import Superseded
 from fleet_mavlink.flavour import Flavour, ned_setpoint
 from fleet_mavlink.preconditions import require_movable
-from fleet_mavlink.turns import Superseded
 from fleet_mavlink.vehicle import Vehicle
 
 PERIOD = 0.05  # s between setpoints

@@ -16,17 +16,17 @@ from fleet_mavlink.constants import AUTOPILOT
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.link_hub import LinkHub
 from fleet_mavlink.messages import CommandLong
-from fleet_mavlink.notices import RateLimitedLog
-from fleet_mavlink.vehicle import Vehicle
-from fleet_mavlink.vehicle_kind import VehicleKind
-from fleet_mavlink.watch_answers import refusal, unchanged, words
-from fleet_mavlink.watch_rules import (
+from fleet_mavlink.rate_limited_log import RateLimitedLog
+from fleet_mavlink.station_permissions import (
     RequiredPermission,
     arms,
     comes_down,
     required_permission,
     why_not_at_this_rate,
 )
+from fleet_mavlink.station_refusals import refusal, unchanged, words
+from fleet_mavlink.vehicle import Vehicle
+from fleet_mavlink.vehicle_kind import VehicleKind
 from fleet_mavlink.watcher import Watcher
 from fleet_mavlink.watcher_config import WatcherConfig
 

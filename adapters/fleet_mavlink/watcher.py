@@ -16,7 +16,7 @@ from typing import Protocol
 from fleet import Address, Clock
 from fleet_mavlink.codec import Frame, Parser
 from fleet_mavlink.message_targets import target_of
-from fleet_mavlink.notices import RateLimitedLog
+from fleet_mavlink.rate_limited_log import RateLimitedLog
 from fleet_mavlink.redundant_links import RedundantLinks
 
 _LOG = logging.getLogger(__name__)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from fleet import Quaternion, Vector3
 from fleet_quadruped.body.legs import DogLeg, LegPoint
 from fleet_quadruped.body.measured import MeasuredImu
-from fleet_quadruped.body.turning import to_world
+from fleet_quadruped.body.vector_rotation import to_world
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import JOINTS, LEGS, Twelve
 

@@ -16,7 +16,7 @@ from fleet import LinkLost, LinkRefused, decode_json
 from fleet_quadruped.config import QuadrupedConfig, simulation
 from fleet_quadruped.control.exchange import SharedValue, new_memory
 from fleet_quadruped.control.orders import DogState, Order
-from fleet_quadruped.control.plan import ControlTask, StatusMessage
+from fleet_quadruped.control.task import ControlTask, StatusMessage
 
 _START = 30.0  # s until it must be ready
 

@@ -24,9 +24,9 @@ from fleet.sim.process import SimProcess
 from fleet_ugv.accessories import CameraMount, Lamps
 from fleet_ugv.board import Board, Inbox
 from fleet_ugv.config import UgvConfig
+from fleet_ugv.feedback_reporter import FeedbackReporter
 from fleet_ugv.lamp_commands import LampCommands
 from fleet_ugv.mount_commands import MountCommands
-from fleet_ugv.observer import FeedbackReporter
 from fleet_ugv.odometry import POSE, WheelOdometry
 from fleet_ugv.sim.rehearsed import simulated_base
 from fleet_ugv.sim.spec import spec_of

@@ -26,8 +26,8 @@ from fleet import (
     Velocity,
 )
 from fleet_ugv.config import UgvConfig
+from fleet_ugv.feedback_reporter import FeedbackReporter
 from fleet_ugv.model import BaseFault, Confirmed, Feedback, UgvEvent
-from fleet_ugv.observer import FeedbackReporter
 from fleet_ugv.readiness import Readiness
 
 GREETING = 0.5  # s between two greetings of a silent base

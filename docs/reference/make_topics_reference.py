@@ -14,10 +14,10 @@ from fleet.bridge.event_limits import A_MINUTE, DEFAULT_A_MINUTE, LOOP
 from fleet.bus import keys
 from fleet.model.event import EventKind
 from fleet.wire.navigation import CONTROLS, MOST_LOOPS, MOST_WAYPOINTS, TASKS, WORLD_FRAMES
-from fleet.wire.parts import TELEMETRY
 from fleet.wire.rulebook import PROFILES, RuleChange
 from fleet.wire.rules import CHANNEL_SUFFIXES, INWARD, KIB, MIB, RULES, Recipient, TopicForm, TopicRule
 from fleet.wire.stops import STOP_WORDS
+from fleet.wire.sub_states import TELEMETRY
 from fleet.wire.topic_rules import topic_name
 from fleet.wire.topics import NAMESPACES
 from fleet.wire.verbs import VERBS

@@ -28,11 +28,11 @@ from fleet.model.state import EdgeState, RobotState
 from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.spool.losses import Gap
 from fleet.spool.spool import Spool
-from fleet.wire.claims import read_heartbeat
-from fleet.wire.parts import TELEMETRY_END
+from fleet.wire.edge_heartbeat import read_heartbeat
 from fleet.wire.ping import check_ping
 from fleet.wire.rulebook import Rulebook
 from fleet.wire.rules import TopicRule
+from fleet.wire.sub_states import TELEMETRY_END
 from fleet.wire.topics import Topic, Topics
 
 log = logging.getLogger(__name__)

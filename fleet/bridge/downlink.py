@@ -27,7 +27,7 @@ from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.wire.envelope import digest
 from fleet.wire.rulebook import Rulebook
 from fleet.wire.rules import ENVIRONMENT, InboundRule, Kind, Recipient
-from fleet.wire.strict import parse_object
+from fleet.wire.strict_json import parse_object
 from fleet.wire.topics import Topic, Topics
 
 log = logging.getLogger(__name__)

@@ -7,10 +7,10 @@ import msgspec
 from fleet.cloud.client import PublishRoute
 from fleet.errors import WireError
 from fleet.model.report import Report
-from fleet.wire.parts import PARTED, rule_of_part
 from fleet.wire.reports import sender
 from fleet.wire.rulebook import Rulebook
 from fleet.wire.rules import CHANNEL_SUFFIXES, INWARD, KIB, RULES, TopicForm, TopicRule, TrafficClass
+from fleet.wire.sub_states import PARTED, rule_of_part
 from fleet.wire.topics import DataKey
 
 REPEAT_CHECK = 0.2  # s between two checks for samples to repeat

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from fleet.clock import Clock
-from fleet.wire.claims import EdgeHeartbeat
+from fleet.wire.edge_heartbeat import EdgeHeartbeat
 
 WITHIN = 12.0  # s within which two heartbeats of an edge must arrive to count; an edge sends one every 5 s
 MOST = 10_000  # claims remembered; any client in the cloud can create more

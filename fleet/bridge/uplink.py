@@ -24,9 +24,9 @@ from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.wire.databus import decode_report, unread_fields
 from fleet.wire.documents import document_out
 from fleet.wire.events import CLOUD_EVENTS, is_fleet_event, unproven
-from fleet.wire.parts import is_telemetry_end, part_of
 from fleet.wire.reports import to_mqtt
 from fleet.wire.rules import TopicRule
+from fleet.wire.sub_states import is_telemetry_end, part_of
 from fleet.wire.topics import Topics, data_key, parse_data_key
 
 log = logging.getLogger(__name__)

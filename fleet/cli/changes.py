@@ -11,7 +11,7 @@ import click
 import msgspec
 
 from fleet.cli.output import ExitCode, Output, counted, with_output
-from fleet.cli.roll_out import RolloutOptions, roll_out, with_waves
+from fleet.cli.rollout_start import RolloutOptions, roll_out, with_waves
 from fleet.cli.times import when
 from fleet.client.changes import request_changes
 from fleet.client.local_user import local_user

@@ -16,7 +16,7 @@ from fleet.cli.output import ExitCode, Output, with_output
 from fleet.client.local_user import local_user
 from fleet.clock import SystemClock
 from fleet.console.child import EXTRA, ConsoleChild, is_installed
-from fleet.console.links import LinkRequest, all_links
+from fleet.console.login_links import LinkRequest, all_links
 from fleet.console.task import PORT, ConsoleTask
 from fleet.errors import NotRunning
 from fleet.host.runtime.termination_signals import end_by_signal

@@ -7,8 +7,8 @@ from pathlib import Path
 from fleet.config.load import Loaded
 from fleet.config.problems import Problem
 from fleet.config.schema import Sections
-from fleet.console.links import ConsoleError
 from fleet.console.login_history import HistoryPlace
+from fleet.console.login_links import ConsoleError
 from fleet.console.people import FILE, PeopleError, read_people
 from fleet.console.task import Basemap, LoginTask
 from fleet.console.tls_listener import tls_context

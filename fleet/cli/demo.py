@@ -23,7 +23,7 @@ from fleet.cli.serve import logs_to, serve
 from fleet.client.local_user import local_user
 from fleet.config.load import load
 from fleet.console.child import is_installed
-from fleet.console.links import LinkRequest
+from fleet.console.login_links import LinkRequest
 from fleet.errors import BusError
 from fleet.host.edge.edge import Edge
 from fleet.model.permission import Permission

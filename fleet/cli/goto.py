@@ -7,11 +7,11 @@ from pathlib import Path
 import click
 import msgspec
 
+from fleet.cli.common_start import at_option
 from fleet.cli.completion import PLACE, ROBOT
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.cli.send import request_each
-from fleet.cli.together import at_option
 from fleet.client.edges import Edges
 from fleet.config.route import Waypoints, is_name, read_route, route_of
 from fleet.errors import Refused

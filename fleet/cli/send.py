@@ -9,11 +9,11 @@ from typing import Any
 
 import click
 
+from fleet.cli.common_start import CommonStartRequest, RobotReplies, at_option
 from fleet.cli.completion import COMMAND, ROBOT
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, summarise_answers, with_output
 from fleet.cli.ps import for_programs
-from fleet.cli.together import CommonStartRequest, RobotReplies, at_option
 from fleet.client.edges import Edges
 from fleet.client.local_user import stamped
 from fleet.model.command import Reply, ReplyStatus

@@ -19,7 +19,7 @@ from fleet.cli.record_task import folder_of, record_task
 from fleet.clock import SystemClock
 from fleet.config.load import Loaded
 from fleet.console.child import ConsoleChild
-from fleet.console.links import LinkRequest
+from fleet.console.login_links import LinkRequest
 from fleet.console.task import ConsoleTask
 from fleet.host.edge.edge import Edge
 from fleet.host.logs.folders import log_folder, show_log

@@ -15,7 +15,7 @@ from pathlib import Path
 import msgspec
 
 from fleet.clock import Clock
-from fleet.console.links import LinkRequest, answers, request_link
+from fleet.console.login_links import LinkRequest, answers, request_link
 from fleet.console.task import ConsoleTask, link_socket
 from fleet.host.process.side_program import SideProgram
 

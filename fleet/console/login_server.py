@@ -12,9 +12,9 @@ from fleet.clock import Clock
 from fleet.config.certificates import read_identity
 from fleet.console.app import make_login_app
 from fleet.console.hub import Hub
-from fleet.console.links import ConsoleError
 from fleet.console.login import Login
 from fleet.console.login_history import LoginHistory
+from fleet.console.login_links import ConsoleError
 from fleet.console.people import People
 from fleet.console.request_guard import AllowedHosts
 from fleet.console.server import Server, server_config

@@ -10,7 +10,7 @@ from typing import Any
 from fleet.errors import WireError
 from fleet.model.state import RobotState
 from fleet.wire.samples import json_payload
-from fleet.wire.strict import parse_object
+from fleet.wire.strict_json import parse_object
 from fleet.wire.topics import parse_data_key
 
 MOST = 200  # numbers of one report

@@ -19,7 +19,7 @@ from fleet.bus.settings import runtime_dir
 from fleet.clock import SystemClock
 from fleet.console.app import make_app
 from fleet.console.hub import Hub
-from fleet.console.links import ConsoleError, LinkRequest, serve_links
+from fleet.console.login_links import ConsoleError, LinkRequest, serve_links
 from fleet.console.login_server import LoginServer
 from fleet.console.request_guard import FOXGLOVE
 from fleet.console.server import Server, server_config

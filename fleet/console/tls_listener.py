@@ -12,7 +12,7 @@ import socket
 import ssl
 from collections.abc import Callable
 
-from fleet.console.links import ConsoleError
+from fleet.console.login_links import ConsoleError
 
 log = logging.getLogger(__name__)
 

@@ -21,9 +21,9 @@ from fleet.history.event_filter import EventFilter
 from fleet.history.record import Record
 from fleet.model.permission import Permission
 from fleet.model.schedule import ScheduleRequest
+from fleet.record.recorded_keys import REPORTS, published, requested_first
 from fleet.record.recorder import Recorder
 from fleet.record.ring import Ring
-from fleet.record.sources import REPORTS, published, requested_first
 from fleet.record.task import RecordTask
 from fleet.runtime.decoding import decode_json
 

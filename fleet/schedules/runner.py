@@ -20,8 +20,8 @@ from fleet.clock import Clock
 from fleet.errors import StateError
 from fleet.model.event import EventKind, EventReport, Severity
 from fleet.model.schedule import Firing, ScheduleState
+from fleet.schedules.due_firings import MOST, due_firings
 from fleet.schedules.model import ScheduleConfig, due_of
-from fleet.schedules.plan import MOST, due_firings
 from fleet.schedules.store import SKIPPED, STARTED, FiringStore
 from fleet.schedules.triggers import firings
 

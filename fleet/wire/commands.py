@@ -30,7 +30,7 @@ from fleet.wire.envelope import (
 )
 from fleet.wire.spelling import refuse_misspelt, refuse_unknown
 from fleet.wire.stops import EMERGENCY, STOP_WORDS, is_reply, releases, stop_word
-from fleet.wire.strict import LARGEST_INTEGER, child, number, optional_number, parse_object
+from fleet.wire.strict_json import LARGEST_INTEGER, child, number, optional_number, parse_object
 from fleet.wire.velocity import read_velocity_contract
 from fleet.wire.verbs import VERBS, Axis
 from fleet.wire.video import VIDEO_TYPES

@@ -20,7 +20,7 @@ from fleet.wire.envelope import stamp_of
 from fleet.wire.joints import STATE_SENDERS
 from fleet.wire.published import object_in, stamp_in
 from fleet.wire.samples import json_sample
-from fleet.wire.strict import child, finite, kind, parse_object, path
+from fleet.wire.strict_json import child, finite, kind, parse_object, path
 
 UPDATE_TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,63}")
 """Types of environment updates: an open list of words that can be a topic level."""

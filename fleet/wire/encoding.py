@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import msgspec
 
 from fleet.errors import WireError
-from fleet.wire.strict import path
+from fleet.wire.strict_json import path
 
 UNSAYABLE = (TypeError, ValueError, OverflowError, RecursionError)
 """Exceptions of msgspec for a value that it cannot encode."""

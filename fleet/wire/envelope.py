@@ -14,7 +14,7 @@ from fleet.errors import WireError
 from fleet.model.command import Command, Origin, Transport
 from fleet.wire.samples import json_payload, stamp_of_header
 from fleet.wire.stops import stop_named
-from fleet.wire.strict import kind, number, parse_object
+from fleet.wire.strict_json import kind, number, parse_object
 
 MILLISECONDS_FROM = 1e11  # a stamp beyond this many seconds (year 5138) counts milliseconds
 

@@ -30,7 +30,7 @@ from fleet.wire.envelope import (
     stop_requested,
 )
 from fleet.wire.spelling import refuse_misspelt
-from fleet.wire.strict import child, finite, parse_object, path, text
+from fleet.wire.strict_json import child, finite, parse_object, path, text
 
 JOINT_TARGETS = "joint_targets"
 MOST_JOINTS = 256

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from fleet.errors import WireError
-from fleet.wire.strict import number, optional_number, path
+from fleet.wire.strict_json import number, optional_number, path
 
 
 def positive(members: Mapping[str, object], name: str, where: str = "") -> float | None:

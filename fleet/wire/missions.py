@@ -17,8 +17,8 @@ from fleet.model.navigation import MISSION, Constraints, Control, FlyMission, Na
 from fleet.wire.envelope import BadCommand, name_of, optional_word, origin_and_stamp, stop_requested, tolerant
 from fleet.wire.measures import not_negative, positive, within
 from fleet.wire.spelling import refuse_misspelt
-from fleet.wire.strict import child, kind, parse_object, path, read_loosely, text, whole
-from fleet.wire.strict import without_nulls as given
+from fleet.wire.strict_json import child, kind, parse_object, path, read_loosely, text, whole
+from fleet.wire.strict_json import without_nulls as given
 
 CONTRACT = "aerial.mission.v1"
 EXECUTION = "mission_execution_uuid"

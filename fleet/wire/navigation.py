@@ -44,8 +44,8 @@ from fleet.wire.measures import not_negative, positive, within
 from fleet.wire.rotation import QuaternionOrder, yaw_of
 from fleet.wire.spelling import refuse_misspelt
 from fleet.wire.stops import STOP_WORDS, is_reply
-from fleet.wire.strict import child, finite, kind, number, parse_object, path, read_loosely, text, whole
-from fleet.wire.strict import without_nulls as given
+from fleet.wire.strict_json import child, finite, kind, number, parse_object, path, read_loosely, text, whole
+from fleet.wire.strict_json import without_nulls as given
 
 MOST_WAYPOINTS = 500
 MOST_LOOPS = 1000

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from fleet.errors import WireError
 from fleet.wire.encoding import encode_finite
-from fleet.wire.strict import parse_object
+from fleet.wire.strict_json import parse_object
 
 
 def ping(*, stamp: float, session: str) -> bytes:

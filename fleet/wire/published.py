@@ -18,7 +18,7 @@ from fleet.model.report import LogReport, MetricsReport, Report, TelemetryReport
 from fleet.runtime.decoding import json_decoder
 from fleet.wire.envelope import stamp_of
 from fleet.wire.samples import json_payload, stamp_of_header
-from fleet.wire.strict import child, text
+from fleet.wire.strict_json import child, text
 
 LEVELS = frozenset({"DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL"})
 ENVELOPE = frozenset({"ts", "timestamp", "type", "source_type", "session_id", "twin_uuid"})

@@ -40,7 +40,7 @@ from fleet.wire.layouts import MessageSource, depth_data
 from fleet.wire.missions import run_of
 from fleet.wire.rules import Layout
 from fleet.wire.states import STATES, StateMessage
-from fleet.wire.strict import finite, without_nulls
+from fleet.wire.strict_json import finite, without_nulls
 
 UNTAGGED_TELEMETRY = frozenset({"connected", "disconnected"})  # the SDK sends these without source type
 OF_A_STREAM = frozenset({"camera_sync_frame"})  # their ``session_id`` is that of a video stream

@@ -8,7 +8,7 @@ from typing import Literal
 
 from fleet.errors import WireError
 from fleet.model.geometry import Quaternion
-from fleet.wire.strict import finite, number
+from fleet.wire.strict_json import finite, number
 
 QuaternionOrder = Literal["wxyz", "xyzw"]
 

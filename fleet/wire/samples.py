@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from fleet.errors import WireError
-from fleet.wire.strict import parse_object, text
+from fleet.wire.strict_json import parse_object, text
 
 LARGEST_HEADER = 64 * 1024
 JSON_TYPE = "application/json"

@@ -10,7 +10,7 @@ import difflib
 from collections.abc import Mapping
 
 from fleet.errors import WireError
-from fleet.wire.strict import path
+from fleet.wire.strict_json import path
 
 ALIKE = 0.8  # difflib ratio from which two long words count as similar: max_speed, max_speed_ms
 SHORT = 5  # letters; shorter words are similar only with a single slip: "date" is not "data"

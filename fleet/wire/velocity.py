@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from fleet.errors import WireError
 from fleet.model.geometry import ZERO_VELOCITY, Vector3, Velocity
 from fleet.wire.spelling import refuse_misspelt
-from fleet.wire.strict import number, optional_number, path, text, whole
+from fleet.wire.strict_json import number, optional_number, path, text, whole
 
 SHORTEST_LEASE = 0.15  # s, the minimum to which the SDK clamps it
 LONGEST_LEASE = 5.0  # s

@@ -15,7 +15,7 @@ import msgspec
 from fleet.errors import WireError
 from fleet.wire.encoding import encode_finite
 from fleet.wire.envelope import optional_word, seconds_of
-from fleet.wire.strict import child, finite, parse_object, text, without_nulls
+from fleet.wire.strict_json import child, finite, parse_object, text, without_nulls
 
 LARGEST = 64 * 1024  # bytes
 WorkflowOutcome = Literal["success", "error", "canceled"]

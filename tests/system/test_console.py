@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from fleet.console.links import LinkRequest, request_link
+from fleet.console.login_links import LinkRequest, request_link
 from fleet.console.task import link_socket
 from fleet.model.permission import Permission
 from tests.tools.command_client import PUPPETS

@@ -17,11 +17,11 @@ from fleet_mavlink.sim.autopilot import Autopilot, Boot, CommandHandler
 from fleet_mavlink.sim.command_request import FAILED
 from fleet_mavlink.sim.fence import FenceBounds
 from fleet_mavlink.sim.manoeuvres import Land, Manoeuvre
+from fleet_mavlink.sim.message_output import INFO, WARNING
 from fleet_mavlink.sim.modes import FlightMode
 from fleet_mavlink.sim.params import Params
 from fleet_mavlink.sim.parts import Parts
 from fleet_mavlink.sim.satellites import ARDUPILOT_GPS, GpsProfile
-from fleet_mavlink.sim.speaker import INFO, WARNING
 from fleet_mavlink.sim.speeds import ArduPilotSpeeds
 from fleet_mavlink.sim.streams import heartbeat
 

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from fleet_mavlink.sim.arming_checks import ArmingChecks
-from fleet_mavlink.sim.speaker import CRITICAL
+from fleet_mavlink.sim.message_output import CRITICAL
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.ardupilot import ArduPilot

@@ -30,7 +30,7 @@ from fleet_mavlink.sim.common_commands import (
     turn_gimbal,
 )
 from fleet_mavlink.sim.manoeuvres import GoToManoeuvre, Idle, Takeoff, Turn, hold
-from fleet_mavlink.sim.speaker import CRITICAL, INFO
+from fleet_mavlink.sim.message_output import CRITICAL, INFO
 from fleet_mavlink.sim.streams import BUILDERS
 
 if TYPE_CHECKING:

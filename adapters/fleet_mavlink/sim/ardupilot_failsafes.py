@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from fleet_mavlink.sim.ardupilot_modes import MODES
-from fleet_mavlink.sim.speaker import CRITICAL, WARNING
+from fleet_mavlink.sim.message_output import CRITICAL, WARNING
 from fleet_mavlink.sim.streams import heartbeat
 
 if TYPE_CHECKING:

@@ -19,6 +19,7 @@ from fleet_mavlink.sim.equipment import Equipment
 from fleet_mavlink.sim.fence import FenceMonitor
 from fleet_mavlink.sim.local_frame import Geo, LocalFrame
 from fleet_mavlink.sim.manoeuvres import TAKING_OFF, Idle, Manoeuvre, hold, place_of
+from fleet_mavlink.sim.message_output import MessageOutput
 from fleet_mavlink.sim.mission_flight import leave_mission
 from fleet_mavlink.sim.missions import SimMissions
 from fleet_mavlink.sim.modes import FlightMode
@@ -26,7 +27,6 @@ from fleet_mavlink.sim.params import Params
 from fleet_mavlink.sim.parts import Parts
 from fleet_mavlink.sim.physics import Agility, Body
 from fleet_mavlink.sim.satellites import GpsProfile, GpsReceiver
-from fleet_mavlink.sim.speaker import MessageOutput
 from fleet_mavlink.sim.streams import SimStreams
 from fleet_mavlink.sim.uptime import Uptime
 

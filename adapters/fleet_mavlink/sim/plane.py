@@ -13,6 +13,7 @@ from fleet_mavlink.sim.ardupilot_arming import ArduPilotArming
 from fleet_mavlink.sim.autopilot import Autopilot, CommandHandler
 from fleet_mavlink.sim.land_detector import LandDetector
 from fleet_mavlink.sim.manoeuvres import Idle, Manoeuvre
+from fleet_mavlink.sim.message_output import INFO
 from fleet_mavlink.sim.modes import GUIDED_BASE, MANUAL_BASE, FlightMode
 from fleet_mavlink.sim.parts import Parts
 from fleet_mavlink.sim.physics import Agility
@@ -21,7 +22,6 @@ from fleet_mavlink.sim.plane_failsafes import PlaneFailsafes
 from fleet_mavlink.sim.plane_mission import WingedMission
 from fleet_mavlink.sim.plane_moves import CircleManoeuvre, RunwayTakeoff
 from fleet_mavlink.sim.setpoints import SetpointControl
-from fleet_mavlink.sim.speaker import INFO
 from fleet_mavlink.sim.speeds import ArduPilotSpeeds, FlightSpeeds
 
 _LANDINGS = frozenset({mav.MAV_CMD_NAV_LAND, mav.MAV_CMD_NAV_VTOL_LAND})

@@ -11,8 +11,8 @@ from pymavlink.dialects.v20 import all as mav
 from fleet_mavlink.sim.ardupilot_commands import COMMANDS as COPTERS
 from fleet_mavlink.sim.autopilot import CommandHandler
 from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, FAILED, CommandRequest, whole
+from fleet_mavlink.sim.message_output import INFO, WARNING
 from fleet_mavlink.sim.plane_moves import CircleManoeuvre
-from fleet_mavlink.sim.speaker import INFO, WARNING
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.plane import SimArduPlane

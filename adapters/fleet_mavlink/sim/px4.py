@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import all as mav
 from fleet_mavlink.sim.autopilot import Autopilot, Boot, CommandHandler
 from fleet_mavlink.sim.command_request import ACCEPTED, TEMPORARILY_REJECTED, CommandRequest
 from fleet_mavlink.sim.fence import CIRCLE, HEIGHT, POLYGON, FenceBounds
+from fleet_mavlink.sim.message_output import CRITICAL, INFO
 from fleet_mavlink.sim.modes import FlightMode
 from fleet_mavlink.sim.params import Params
 from fleet_mavlink.sim.parts import Parts
@@ -21,7 +22,6 @@ from fleet_mavlink.sim.px4_offboard import Px4Offboard
 from fleet_mavlink.sim.px4_status import Px4Status
 from fleet_mavlink.sim.px4_takeoff import Px4LandDetector, Px4TakeoffControl, wander
 from fleet_mavlink.sim.satellites import PX4_GPS, GpsProfile
-from fleet_mavlink.sim.speaker import CRITICAL, INFO
 from fleet_mavlink.sim.speeds import Px4Speeds
 
 _GCS_GONE = 3.0

@@ -30,9 +30,9 @@ from fleet_mavlink.sim.common_commands import (
 )
 from fleet_mavlink.sim.local_frame import Geo
 from fleet_mavlink.sim.manoeuvres import GoToManoeuvre, Idle, Manoeuvre
+from fleet_mavlink.sim.message_output import CRITICAL, INFO
 from fleet_mavlink.sim.px4_modes import MODES, MODES_BY_NUMBER
 from fleet_mavlink.sim.px4_takeoff import Px4Takeoff
-from fleet_mavlink.sim.speaker import CRITICAL, INFO
 from fleet_mavlink.sim.streams import BUILDERS
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ import math
 from typing import TYPE_CHECKING
 
 from fleet_mavlink.sim.event_list import EventMessage, failsafe_event
+from fleet_mavlink.sim.message_output import CRITICAL, WARNING
 from fleet_mavlink.sim.modes import FlightMode
 from fleet_mavlink.sim.px4_modes import MODES
-from fleet_mavlink.sim.speaker import CRITICAL, WARNING
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.px4 import SimPx4

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from fleet_mavlink.sim.manoeuvres import DriveManoeuvre, GoToManoeuvre, Manoeuvre
+from fleet_mavlink.sim.message_output import CRITICAL
 from fleet_mavlink.sim.setpoints import ReceivedSetpoint, SetpointControl, Triple, setpoint_of, turned
-from fleet_mavlink.sim.speaker import CRITICAL
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.px4 import SimPx4

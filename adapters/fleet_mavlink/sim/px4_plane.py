@@ -19,6 +19,7 @@ from fleet_mavlink.sim.command_request import (
 )
 from fleet_mavlink.sim.local_frame import Geo
 from fleet_mavlink.sim.manoeuvres import TAKING_OFF, Idle, Manoeuvre
+from fleet_mavlink.sim.message_output import CRITICAL, INFO
 from fleet_mavlink.sim.modes import FlightMode
 from fleet_mavlink.sim.parts import Parts
 from fleet_mavlink.sim.physics import Agility
@@ -30,7 +31,6 @@ from fleet_mavlink.sim.px4_modes import MODES as COPTER_MODES
 from fleet_mavlink.sim.px4_offboard import Px4Offboard
 from fleet_mavlink.sim.px4_takeoff import Px4LandDetector, Px4Takeoff, Px4TakeoffControl
 from fleet_mavlink.sim.setpoints import ReceivedSetpoint
-from fleet_mavlink.sim.speaker import CRITICAL, INFO
 from fleet_mavlink.sim.speeds import Px4Speeds
 
 _LOW = 3.0  # m below its height at which it circles for a long time

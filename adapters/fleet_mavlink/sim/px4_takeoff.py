@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from fleet_mavlink.sim.land_detector import LandDetector
 from fleet_mavlink.sim.manoeuvres import IN_AIR, GoToManoeuvre, Manoeuvre, Takeoff
-from fleet_mavlink.sim.speaker import INFO
+from fleet_mavlink.sim.message_output import INFO
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot

@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.autopilot import Autopilot, Boot, CommandHandler
 from fleet_mavlink.sim.manoeuvres import GoToManoeuvre, Idle, Land, Manoeuvre, Return, Sink
+from fleet_mavlink.sim.message_output import INFO
 from fleet_mavlink.sim.modes import GUIDED_BASE, FlightMode
 from fleet_mavlink.sim.parts import Parts
 from fleet_mavlink.sim.plane import MODES as PLANE_MODES
@@ -18,7 +19,6 @@ from fleet_mavlink.sim.plane import PlaneArming, PlaneLandDetector, PlaneSpeeds,
 from fleet_mavlink.sim.plane_moves import Ahead, CircleManoeuvre, FlyOver
 from fleet_mavlink.sim.plane_physics import WING_SPEED, VtolBody
 from fleet_mavlink.sim.quadplane_commands import COMMANDS
-from fleet_mavlink.sim.speaker import INFO
 from fleet_mavlink.sim.speeds import ArduPilotSpeeds, FlightSpeeds
 from fleet_mavlink.sim.vtol_mission import VtolMission
 

@@ -11,8 +11,8 @@ from pymavlink.dialects.v20 import all as mav
 from fleet_mavlink.sim.autopilot import CommandHandler
 from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, FAILED, CommandRequest, whole
 from fleet_mavlink.sim.manoeuvres import Takeoff
+from fleet_mavlink.sim.message_output import INFO
 from fleet_mavlink.sim.plane_commands import COMMANDS as PLANES
-from fleet_mavlink.sim.speaker import INFO
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.quadplane import SimQuadPlane

@@ -14,6 +14,7 @@ from fleet_mavlink.sim.autopilot import Boot, CommandHandler
 from fleet_mavlink.sim.home import SimHome
 from fleet_mavlink.sim.land_detector import LandDetector
 from fleet_mavlink.sim.manoeuvres import Idle
+from fleet_mavlink.sim.message_output import INFO
 from fleet_mavlink.sim.modes import FlightMode
 from fleet_mavlink.sim.parts import Parts
 from fleet_mavlink.sim.physics import Agility
@@ -23,7 +24,6 @@ from fleet_mavlink.sim.rover_guided import RoverGuided
 from fleet_mavlink.sim.rover_modes import MODES
 from fleet_mavlink.sim.rover_moves import DISARMED, Coast
 from fleet_mavlink.sim.rover_physics import WheeledBody
-from fleet_mavlink.sim.speaker import INFO
 from fleet_mavlink.sim.speeds import ArduPilotSpeeds
 
 _THROTTLE_LEFT = 73  # SERVO1_FUNCTION of a skid-steered vehicle

@@ -12,8 +12,8 @@ from fleet_mavlink.sim.ardupilot_commands import COMMANDS as COPTERS
 from fleet_mavlink.sim.autopilot import CommandHandler
 from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, FAILED, CommandRequest, whole
 from fleet_mavlink.sim.common_commands import FORCE
+from fleet_mavlink.sim.message_output import CRITICAL, INFO
 from fleet_mavlink.sim.rover_moves import DriveToPosition
-from fleet_mavlink.sim.speaker import CRITICAL, INFO
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.rover import SimArduRover

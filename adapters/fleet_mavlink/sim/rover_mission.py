@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pymavlink.dialects.v20 import all as mav
 
+from fleet_mavlink.sim.message_output import INFO
 from fleet_mavlink.sim.mission_flight import MissionManoeuvre
 from fleet_mavlink.sim.physics import MotionTarget
 from fleet_mavlink.sim.rover_moves import BRAKED, Coast, DriveToPosition
-from fleet_mavlink.sim.speaker import INFO
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot

@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING, cast
 
 from fleet_mavlink.sim.manoeuvres import GoToManoeuvre, Manoeuvre
+from fleet_mavlink.sim.message_output import WARNING
 from fleet_mavlink.sim.physics import MotionTarget
-from fleet_mavlink.sim.speaker import WARNING
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot

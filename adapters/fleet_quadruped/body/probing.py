@@ -10,7 +10,7 @@ from typing import NamedTuple
 from fleet import quaternion_from_euler
 from fleet_quadruped.body.legs import LegPoint
 from fleet_quadruped.body.motion import PostureMotion, Segment
-from fleet_quadruped.body.turning import to_body
+from fleet_quadruped.body.vector_rotation import to_body
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import Twelve
 

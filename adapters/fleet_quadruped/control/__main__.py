@@ -31,7 +31,7 @@ from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.control.exchange import SharedValue
 from fleet_quadruped.control.loop import ControlLoop
 from fleet_quadruped.control.orders import DogState, Order
-from fleet_quadruped.control.plan import ControlTask, StatusMessage
+from fleet_quadruped.control.task import ControlTask, StatusMessage
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.selfwalk.controller import SelfWalkController
 from fleet_quadruped.sim.simulated_machine import SimulatedMachine, on_buses

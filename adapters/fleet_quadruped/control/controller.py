@@ -13,11 +13,11 @@ from fleet_quadruped.body.measured import BodyMeasurement
 from fleet_quadruped.can.bus_guard import BusAddress
 from fleet_quadruped.control.drive_summaries import failed, holding, not_enabled, silent_bus, silent_joint
 from fleet_quadruped.control.lamp import Lamp
-from fleet_quadruped.control.off_watch import TorqueOffMonitor
 from fleet_quadruped.control.order_tracker import OrderTracker
 from fleet_quadruped.control.orders import DogState, LoopTiming, Order
 from fleet_quadruped.control.sensors import BodySensors
 from fleet_quadruped.control.target_writer import TargetWriter
+from fleet_quadruped.control.torque_off_monitor import TorqueOffMonitor
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import JointFeedback, JointsFeedback
 from fleet_quadruped.robot.description import DogDescription

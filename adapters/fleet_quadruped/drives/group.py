@@ -9,8 +9,8 @@ from operator import attrgetter
 from typing import Generic, TypeVar
 
 from fleet import CanBus
-from fleet_quadruped.drives.answers import DriveAnswers
 from fleet_quadruped.drives.base import NEVER, JointsFeedback, Power
+from fleet_quadruped.drives.drive_answers import DriveAnswers
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.joint import Joint
 

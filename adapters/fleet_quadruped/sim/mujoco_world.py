@@ -10,7 +10,7 @@ import mujoco
 from fleet import Quaternion, Vector3
 from fleet_quadruped.body.legs import DogLeg, LegPoint
 from fleet_quadruped.body.measured import MeasuredImu
-from fleet_quadruped.body.turning import to_body
+from fleet_quadruped.body.vector_rotation import to_body
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import LEGS
 from fleet_quadruped.sim.world import SimMotor

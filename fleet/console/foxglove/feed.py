@@ -22,7 +22,7 @@ from fleet.console.foxglove.channels import Channels, Sample
 from fleet.console.foxglove.protocol import PROTOCOLS
 from fleet.console.foxglove.tokens import Tokens
 from fleet.console.foxglove.viewer import Viewer
-from fleet.record.sources import REPORTS, published, requested_first
+from fleet.record.recorded_keys import REPORTS, published, requested_first
 
 log = logging.getLogger(__name__)
 

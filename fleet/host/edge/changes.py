@@ -21,18 +21,18 @@ from fleet.config.load import Loaded, load
 from fleet.config.loaded_robots import with_configs, with_robot, without_robot
 from fleet.config.problems import InvalidConfig
 from fleet.errors import FleetError
-from fleet.host.edge.changes_elsewhere import WorkerFileChanges, partly_text, with_outcome
 from fleet.host.edge.last_configuration import LastConfigurationFile
 from fleet.host.edge.member_rules import groups_blocker, membership_refusal
 from fleet.host.edge.membership import Membership, RobotRegistrations
 from fleet.host.edge.shown_configuration import shown_configuration
 from fleet.host.edge.stops_during_change import StopsDuringChange
+from fleet.host.edge.worker_file_changes import WorkerFileChanges, partly_text, with_outcome
 from fleet.host.edge.worker_members import WorkerMembership
 from fleet.host.process.rebuild import apply_configuration, hold, rebuild
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.process.stop_service import merged_groups, replace_groups
 from fleet.host.robot.local_robot import LocalRobot
-from fleet.host.robot.rest import moving, not_resting
+from fleet.host.robot.rest_check import moving, not_resting
 from fleet.host.safety.stricter import is_equally_strict, merge_stricter
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_changes import WorkerChanges

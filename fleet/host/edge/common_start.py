@@ -22,7 +22,7 @@ from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
 from fleet.errors import Refused
 from fleet.model.command import Reply, ReplyStatus, Transport
-from fleet.model.start import PINGS, ClockOffset, StartAnswer, StartSignal, check_clock, offset_of
+from fleet.model.common_start import PINGS, ClockOffset, StartAnswer, StartSignal, check_clock, offset_of
 from fleet.model.state import RobotState
 from fleet.robot_config import MAIN
 from fleet.runtime.decoding import decode_json

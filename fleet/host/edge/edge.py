@@ -30,7 +30,7 @@ from fleet.host.edge.membership import RobotRegistrations
 from fleet.host.edge.metrics_port import MetricsPort
 from fleet.host.edge.missions import Missions
 from fleet.host.edge.notifier import Notifier
-from fleet.host.edge.renamed import carry_stops
+from fleet.host.edge.renamed_stops import carry_stops
 from fleet.host.edge.schedules import EdgeSchedules
 from fleet.host.edge.standby import open_gate, part_in_pair
 from fleet.host.edge.summaries import Summaries

@@ -29,7 +29,7 @@ from fleet.host.process.robot_process import RobotProcess, RobotSpec
 from fleet.host.process.stop_inputs import StopInputs
 from fleet.host.requests.stop_cause import local_cause
 from fleet.host.robot.local_robot import LocalRobot
-from fleet.host.robot.rest import moving, not_resting
+from fleet.host.robot.rest_check import moving, not_resting
 from fleet.host.safety.admission import LEAVE
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_task import Importer, robot_tasks

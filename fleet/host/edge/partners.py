@@ -30,7 +30,7 @@ from fleet.model.command import Answer, Reply, ReplyStatus, Request, Transport
 from fleet.model.state import RobotState
 from fleet.runtime.decoding import decode_json
 from fleet.wire.rules import Kind
-from fleet.wire.strict import parse_object
+from fleet.wire.strict_json import parse_object
 
 log = logging.getLogger(__name__)
 

@@ -11,7 +11,7 @@ from fleet.errors import WireError
 from fleet.model.event import EventReport
 from fleet.model.report import NavigationReport, PhotoReport
 from fleet.wire.published import object_in
-from fleet.wire.strict import text
+from fleet.wire.strict_json import text
 from fleet.wire.topics import data_key
 
 

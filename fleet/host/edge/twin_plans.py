@@ -45,7 +45,7 @@ from fleet.model.report import NavigationReport, Report
 from fleet.wire.databus import decode_report
 from fleet.wire.missions import decode_mission, document_in, run_of
 from fleet.wire.rules import Kind
-from fleet.wire.strict import without_nulls
+from fleet.wire.strict_json import without_nulls
 
 NEW = 1.0  # s; an older run was resumed after a restart of the edge
 STATES: Mapping[str, ActionState] = {

@@ -32,8 +32,8 @@ from fleet.host.robot.dry_run import against
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.motion_guard import BEGINNINGS
 from fleet.model.command import Command, JointSetpoint, Reply, ReplyStatus, Setpoint, Transport
+from fleet.model.common_start import FARTHEST, StartAnswer, StartSignal
 from fleet.model.navigation import Control, Navigate
-from fleet.model.start import FARTHEST, StartAnswer, StartSignal
 from fleet.robot_config import MAIN
 from fleet.runtime.decoding import decode_json
 from fleet.wire.rules import Kind

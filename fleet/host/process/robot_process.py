@@ -19,9 +19,9 @@ from fleet.clock import Clock
 from fleet.history.store import History
 from fleet.host.journal.journal import Journal, RobotJournal
 from fleet.host.logs.rotating_file import log_and_flush
+from fleet.host.process.adapter_runs import AdapterRuns
 from fleet.host.process.frame_publisher import FramePublisher
 from fleet.host.process.robot_endpoints import RobotEndpoints
-from fleet.host.process.robot_runs import AdapterRuns
 from fleet.host.process.setpoints import Setpoints
 from fleet.host.process.twin_holders import TwinHolders
 from fleet.host.process.video_relay import relay_video

@@ -10,7 +10,7 @@ import msgspec
 
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
-from fleet.host.process.robot_runs import AdapterRuns
+from fleet.host.process.adapter_runs import AdapterRuns
 from fleet.host.process.twin_claims import TwinClaims
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.runtime.decoding import decode_json

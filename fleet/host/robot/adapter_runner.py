@@ -19,10 +19,10 @@ import msgspec
 from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.errors import Fault, LinkError, LinkLost, LinkRefused, NotReady
+from fleet.host.robot.adapter_health import AdapterHealth
 from fleet.host.robot.controller import RobotController
 from fleet.host.robot.failure_counter import FAILURE_WINDOW, MOST_FAILURES, FailureCounter
 from fleet.host.robot.robot_handle import RobotHandle
-from fleet.host.robot.run_health import AdapterHealth
 from fleet.host.runtime.cancellation import result_of, retrieve_exception
 from fleet.model.health import Health, Level
 from fleet.runtime.exception_barrier import (

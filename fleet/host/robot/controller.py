@@ -20,12 +20,12 @@ from fleet.host.requests.last_command import LastCommand
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.adapter_factory import Capabilities
 from fleet.host.robot.attached_adapter import AttachedAdapter
+from fleet.host.robot.control_commands import control_commands
 from fleet.host.robot.executor import admits, may_still_move
 from fleet.host.robot.goal_requests import GoalRequests
+from fleet.host.robot.host_commands import MOTION, host_commands
 from fleet.host.robot.motion_guard import MotionGuard
-from fleet.host.robot.own_commands import MOTION, host_commands
 from fleet.host.robot.robot_motion import RobotMotion
-from fleet.host.robot.run_commands import control_commands
 from fleet.host.robot.setpoint_requests import SetpointRequests
 from fleet.host.robot.velocity_control import VelocityControl
 from fleet.host.runtime.threads import HALT_WAIT, call_sequentially

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fleet.commands import CommandSpec, arguments
 from fleet.errors import Refused
 from fleet.host.robot.controller import RobotController
-from fleet.host.robot.own_commands import MOTION
+from fleet.host.robot.host_commands import MOTION
 from fleet.model.command import Command, Origin, Transport
 from fleet.model.navigation import Control, Navigate
 

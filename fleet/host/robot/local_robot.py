@@ -20,12 +20,12 @@ from fleet.host.robot.command_descriptions import description
 from fleet.host.robot.controller import RobotController
 from fleet.host.robot.dry_run import would_refuse
 from fleet.host.robot.joint_control import STEP
-from fleet.host.robot.keeper import keeper_of
 from fleet.host.robot.report_queue import ReportQueue
 from fleet.host.robot.request_intake import RequestIntake
 from fleet.host.robot.robot_handle import RobotHandle
 from fleet.host.robot.robot_positions import RobotPositions
 from fleet.host.robot.separation_keeper import POLL_INTERVAL
+from fleet.host.robot.separation_wiring import keeper_of
 from fleet.host.robot.snapshot import READ, Snapshot, is_known, rounded
 from fleet.host.runtime.blocking_calls import BlockingCalls
 from fleet.host.runtime.shared_resources import SharedResources

@@ -17,7 +17,7 @@ from fleet.config.explain import checked
 from fleet.host.process.rebuild import apply_configuration, hold
 from fleet.host.process.stop_service import replace_groups
 from fleet.host.robot.local_robot import LocalRobot
-from fleet.host.robot.rest import not_resting
+from fleet.host.robot.rest_check import not_resting
 from fleet.model.change import HeldRobot, HoldRequest, HoldRobot
 from fleet.robot_config import AdapterConfig
 from fleet.runtime.decoding import decode_json

@@ -15,7 +15,7 @@ import msgspec
 
 from fleet.bus.zenoh_session import Query
 from fleet.host.robot.local_robot import LocalRobot
-from fleet.host.robot.rest import not_resting
+from fleet.host.robot.rest_check import not_resting
 from fleet.host.workers.worker_task import RobotTask, WorkerTask
 from fleet.model.command import Reply, ReplyStatus
 from fleet.plugins.drop_in_file import insecure

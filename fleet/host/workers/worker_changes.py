@@ -12,7 +12,7 @@ from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.config.load import Loaded
 from fleet.host.process.rebuild import BACK_WITHIN, wait_until
-from fleet.host.robot.rest import STILL
+from fleet.host.robot.rest_check import STILL
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_manager import WorkerManager
 from fleet.host.workers.worker_task import task_of

@@ -9,8 +9,8 @@ import mqtt5
 
 from fleet.cloud.packets import PacketDecoder, PacketTooLarge, encode
 from fleet.errors import WireError
+from fleet.sim.broker.broker_core import BrokerCore
 from fleet.sim.broker.conversation import ClientError, Conversation
-from fleet.sim.broker.hub import BrokerCore
 
 logger = logging.getLogger(__name__)
 

@@ -8,7 +8,7 @@ from typing import Any
 import mqtt5
 
 from fleet.cloud.topics import check_filter, check_topic
-from fleet.sim.broker.hub import BrokerCore, BrokerPeer
+from fleet.sim.broker.broker_core import BrokerCore, BrokerPeer
 from fleet.sim.broker.session import BrokerSession, BrokerSubscription
 
 _GRACE = 1.5

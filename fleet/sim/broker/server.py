@@ -9,9 +9,9 @@ from typing import Self
 import mqtt5
 
 from fleet.clock import Clock, SystemClock
+from fleet.sim.broker.broker_core import BrokerCore, Check
 from fleet.sim.broker.connection import BrokerConnection
 from fleet.sim.broker.faults import BrokerFaults
-from fleet.sim.broker.hub import BrokerCore, Check
 from fleet.sim.broker.limits import ClientLimits
 
 _TICK = 0.1

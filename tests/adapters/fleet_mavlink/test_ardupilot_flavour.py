@@ -13,7 +13,7 @@ from fleet_mavlink.flavour import CalibrationStep
 from fleet_mavlink.messages import CommandLong, Heartbeat
 from fleet_mavlink.payload_messages import MagCalProgress, MagCalReport
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.texts import Sentence
+from fleet_mavlink.statustext import Sentence
 
 COPTER, ROVER = ArduCopter(), ArduRover()
 moved = pytest.mark.parametrize("flavour", [COPTER, ROVER], ids=["copter", "rover"])

@@ -19,12 +19,12 @@ from fleet.model.report import (
     TelemetryReport,
 )
 from fleet_mavlink.braking import Brakes
+from fleet_mavlink.command_queue import Superseded
 from fleet_mavlink.commander import Commander, CommandTimeouts
 from fleet_mavlink.constants import MavCmd, MavResult, type_name
 from fleet_mavlink.flavours import kind_of
 from fleet_mavlink.messages import CommandAck, ExtendedSysState, GlobalPositionInt, Heartbeat
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.turns import Superseded
 from fleet_mavlink.vehicle import missing_commands
 from fleet_mavlink.vocabulary import OF_A_MOVED_VEHICLE
 

@@ -11,7 +11,7 @@ from fleet.model.report import LogReport
 from fleet_mavlink.event_messages import Event
 from fleet_mavlink.events import EventDictionary
 from fleet_mavlink.sim.event_list import DISENGAGED, PACKED
-from fleet_mavlink.texts import Sentence
+from fleet_mavlink.statustext import Sentence
 
 
 def said_by(dictionary, recording, decoded):

@@ -13,7 +13,7 @@ from fleet_mavlink.failsafe_causes import FailsafeCause, cause, position_trouble
 from fleet_mavlink.link_hub import LinkHub
 from fleet_mavlink.messages import Heartbeat
 from fleet_mavlink.state import Fix, VehicleState
-from fleet_mavlink.texts import Sentence
+from fleet_mavlink.statustext import Sentence
 
 CRITICAL, ACTIVE = 5, 4
 FAILSAFE = VehicleState(heartbeat=Heartbeat(2, 3, system_status=CRITICAL))

@@ -9,7 +9,7 @@ from fleet import Goal, GoTo, NotReady, Refused, Vector3, Velocity
 from fleet.model.health import Level
 from fleet.robot_config import FenceConfig, Limits
 from fleet_mavlink.fence import items_of, parameters_of
-from fleet_mavlink.frames import GeoOrigin
+from fleet_mavlink.world_frame import GeoOrigin
 
 both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 YARD = [[-30, -30], [30, -30], [30, 30], [-30, 30]]

@@ -9,6 +9,7 @@ import pytest
 from fleet import LinkLost, Refused
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.braking import Brakes
+from fleet_mavlink.command_queue import CommandExchange
 from fleet_mavlink.commander import Commander, CommandTimeouts
 from fleet_mavlink.constants import MavCmd
 from fleet_mavlink.halts import Halts, require_ours
@@ -16,7 +17,6 @@ from fleet_mavlink.messages import CommandLong, Heartbeat, SetPositionTargetLoca
 from fleet_mavlink.motion_effect import Effect
 from fleet_mavlink.px4 import Px4
 from fleet_mavlink.state import SILENCE
-from fleet_mavlink.turns import CommandExchange
 
 LOITER, OFFBOARD = Px4().number_of("AUTO.LOITER"), Px4().number_of("OFFBOARD")
 HOLD = MavCmd.DO_REPOSITION  # to where it is: a pause

@@ -12,7 +12,7 @@ from fleet_mavlink.flavour import CalibrationStep
 from fleet_mavlink.messages import CommandInt, CommandLong, Heartbeat
 from fleet_mavlink.px4 import Px4
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.texts import Sentence
+from fleet_mavlink.statustext import Sentence
 
 PX4 = Px4()
 

@@ -8,7 +8,7 @@ import pytest
 from fleet import Refused
 from fleet.errors import CommandError
 from fleet_mavlink.readiness import reasons
-from fleet_mavlink.texts import Sentence
+from fleet_mavlink.statustext import Sentence
 
 WORDS = {
     "ardupilot": "PreArm: Need Position Estimate",

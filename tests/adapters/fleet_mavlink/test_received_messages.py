@@ -6,7 +6,7 @@ import pytest
 
 from fleet_mavlink.messages import CommandAck, MissionItemReached
 from fleet_mavlink.received_messages import ReceivedMessages
-from fleet_mavlink.texts import Sentence
+from fleet_mavlink.statustext import Sentence
 
 
 def acks(*commands):

@@ -21,7 +21,7 @@ from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.messages import Attitude, ExtendedSysState, GlobalPositionInt, GpsRawInt, SysStatus
 from fleet_mavlink.payload_messages import EscTelemetry1To4, HighresImu
 from fleet_mavlink.reporter import Reporter
-from fleet_mavlink.texts import Sentence
+from fleet_mavlink.statustext import Sentence
 
 HOME = GeoOrigin(47.397742, 8.545594, 488.0)
 BASICS = {

@@ -13,7 +13,7 @@ from fleet_mavlink.constants import Landed
 from fleet_mavlink.messages import Heartbeat
 from fleet_mavlink.px4 import Px4
 from fleet_mavlink.state import Angles, BatteryReading, Fix, VehicleState, reduce
-from fleet_mavlink.texts import Sentence
+from fleet_mavlink.statustext import Sentence
 
 HOME = GeoOrigin(47.397742, 8.545594, 488.0)
 PX4 = Px4()

@@ -13,7 +13,7 @@ import pytest
 from fleet.errors import LinkLost, LinkRefused
 from fleet_quadruped import process as module
 from fleet_quadruped.control.orders import DogState, Order
-from fleet_quadruped.control.plan import ControlTask
+from fleet_quadruped.control.task import ControlTask
 from fleet_quadruped.process import DISMISSED, BodyProcess
 from fleet_quadruped.robot.description import EXAMPLE
 from tests.adapters.fleet_quadruped.conftest import config

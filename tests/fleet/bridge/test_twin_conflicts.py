@@ -1,7 +1,7 @@
 import pytest
 
 from fleet.bridge.twin_conflicts import GONE_AFTER, WITHIN, TwinConflictMonitor
-from fleet.wire.claims import EdgeHeartbeat
+from fleet.wire.edge_heartbeat import EdgeHeartbeat
 
 TWIN = "t"
 

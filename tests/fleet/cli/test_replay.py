@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from fleet_mavlink import frames
+from fleet_mavlink import world_frame
 
 RECORDING = Path(__file__).parents[2] / "data" / "recordings" / "px4_full_flight.mcap"
 ROBOT = (
@@ -31,8 +31,10 @@ def test_what_today_s_adapters_make_of_it_is_compared(fleet, fleet_of):
 
 
 def test_a_difference_is_shown_and_is_an_exit_code_of_its_own(fleet, fleet_of, monkeypatch):
-    right = frames.enu_rotation_from_ned
-    monkeypatch.setattr(frames, "enu_rotation_from_ned", lambda roll, pitch, yaw: right(pitch, roll, yaw))
+    right = world_frame.enu_rotation_from_ned
+    monkeypatch.setattr(
+        world_frame, "enu_rotation_from_ned", lambda roll, pitch, yaw: right(pitch, roll, yaw)
+    )
     result = fleet("replay", str(RECORDING), "--through-adapters", "-f", fleet_of("kestrel"))
     assert result.code == 7
     assert "kestrel position: pose.orientation" in result.out

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from websockets.sync.client import connect
 
-from fleet.console.links import LinkRequest, request_link
+from fleet.console.login_links import LinkRequest, request_link
 from fleet.console.program import serve
 from fleet.console.task import ConsoleTask, link_socket
 from fleet.model.permission import Permission

@@ -7,7 +7,7 @@ import signal
 
 from fleet.clock import SystemClock
 from fleet.console.child import ConsoleChild
-from fleet.console.links import LinkRequest, answers
+from fleet.console.login_links import LinkRequest, answers
 from fleet.console.task import ConsoleTask, link_socket
 from fleet.model.permission import Permission
 from tests.tools.waiting import DEADLINE

@@ -14,8 +14,8 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
 from fleet.config.certificates import Identity, issue_pair, make_authority
-from fleet.console.links import ConsoleError
 from fleet.console.login_history import HistoryPlace
+from fleet.console.login_links import ConsoleError
 from fleet.console.login_server import LoginServer
 from fleet.console.people import Person, add_person, change_person, remove_person
 from fleet.console.request_guard import POLICY

@@ -5,7 +5,7 @@ import socket
 
 import pytest
 
-from fleet.console.links import ConsoleError, LinkRequest
+from fleet.console.login_links import ConsoleError, LinkRequest
 from fleet.console.program import serve
 from fleet.console.task import ConsoleTask
 from fleet.model.permission import Permission

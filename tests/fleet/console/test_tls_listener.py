@@ -9,7 +9,7 @@ import pytest
 
 from fleet.config.certificates import Identity, issue_pair, make_authority
 from fleet.console import tls_listener
-from fleet.console.links import ConsoleError
+from fleet.console.login_links import ConsoleError
 from fleet.console.tls_listener import TlsListener, listen, tls_context
 from tests.tools.waiting import DEADLINE
 

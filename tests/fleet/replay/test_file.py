@@ -6,7 +6,7 @@ import pytest
 
 from fleet.errors import Refused, StateError
 from fleet.replay.file import load_recording, replay_robot
-from fleet_mavlink import frames
+from fleet_mavlink import world_frame
 from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_quadruped.adapter import QuadrupedAdapter
 from fleet_quadruped.config import QuadrupedConfig
@@ -43,8 +43,10 @@ def test_an_autopilot_that_was_simulated_is_replayed_by_its_recorded_link():
 
 
 def test_a_planted_error_in_the_reading_of_attitudes_is_found(monkeypatch):
-    right = frames.enu_rotation_from_ned
-    monkeypatch.setattr(frames, "enu_rotation_from_ned", lambda roll, pitch, yaw: right(pitch, roll, yaw))
+    right = world_frame.enu_rotation_from_ned
+    monkeypatch.setattr(
+        world_frame, "enu_rotation_from_ned", lambda roll, pitch, yaw: right(pitch, roll, yaw)
+    )
     assert {each.channel for each in replayed("px4_full_flight").found} == {"position"}
 
 

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 from fleet.errors import WireError
 from fleet.model.command import Transport
-from fleet.wire.claims import read_heartbeat
 from fleet.wire.commands import MotionDefaults, decode_command, decode_motion
 from fleet.wire.databus import decode_report
 from fleet.wire.documents import document_in, document_out
+from fleet.wire.edge_heartbeat import read_heartbeat
 from fleet.wire.joints import decode_joints
 from fleet.wire.missions import decode_mission
 from fleet.wire.navigation import decode_navigate

@@ -13,7 +13,7 @@ from fleet_quadruped.control import __main__ as module
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.control.exchange import SharedValue, new_memory
 from fleet_quadruped.control.orders import DogState, Order
-from fleet_quadruped.control.plan import ControlTask
+from fleet_quadruped.control.task import ControlTask
 from fleet_quadruped.robot.description import EXAMPLE
 from fleet_quadruped.selfwalk.controller import SelfWalkController
 

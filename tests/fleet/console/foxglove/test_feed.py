@@ -18,7 +18,7 @@ from fleet.clock import SystemClock
 from fleet.console.foxglove.feed import Feed
 from fleet.console.foxglove.protocol import PROTOCOLS
 from fleet.console.foxglove.viewer import MOST_BAD
-from fleet.console.links import LinkRequest, request_link
+from fleet.console.login_links import LinkRequest, request_link
 from fleet.console.task import link_socket
 from fleet.errors import BusError
 from fleet.model.geometry import Quaternion, Vector3

@@ -12,7 +12,7 @@ import pytest
 
 from fleet.bus import keys
 from fleet.model.command import Reply, ReplyStatus
-from fleet.model.start import StartAnswer, StartSignal
+from fleet.model.common_start import StartAnswer, StartSignal
 
 HERE = {"worker": "main", "stands": True}
 THERE = {"worker": "arm", "stands": True}

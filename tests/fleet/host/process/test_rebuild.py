@@ -8,8 +8,8 @@ import pytest
 
 from fleet.adapter import Adapter, AdapterConfig
 from fleet.errors import LinkRefused
+from fleet.host.process.adapter_runs import AdapterRuns
 from fleet.host.process.rebuild import BACK_WITHIN, ENDS_WITHIN, hold, rebuild
-from fleet.host.process.robot_runs import AdapterRuns
 from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.robot_config import Limits
 from fleet.testing.clock import JumpingLoop, LoopClock

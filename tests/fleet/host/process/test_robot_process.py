@@ -14,7 +14,7 @@ from cyberwave.data.header import HeaderTemplate
 
 from fleet.host.logs.line_format import JsonFormatter
 from fleet.host.logs.rotating_file import RotatingLogFile
-from fleet.host.process.robot_runs import AdapterRuns
+from fleet.host.process.adapter_runs import AdapterRuns
 from fleet.host.process.setpoints import receive_setpoint
 from fleet.host.requests.receipt import Receipt
 from fleet.host.requests.stop_cause import local_cause

@@ -9,9 +9,9 @@ import pytest
 from fleet.clock import SystemClock
 from fleet.errors import Fault, LinkLost, LinkRefused, NotReady
 from fleet.host.robot import adapter_runner as runners
+from fleet.host.robot.adapter_health import AdapterHealth
 from fleet.host.robot.adapter_runner import AdapterRunner
 from fleet.host.robot.robot_handle import RobotHandle
-from fleet.host.robot.run_health import AdapterHealth
 from fleet.host.runtime.blocking_calls import BlockingCalls
 from fleet.host.runtime.shared_resources import SharedResources
 from fleet.host.runtime.tick_scheduler import TickScheduler
@@ -706,7 +706,7 @@ async def test_the_steps_of_a_start_are_no_warnings(stage, requests, caplog):
 
 
 async def test_a_robot_that_does_not_come_up_is_reported_as_an_error(stage, requests, caplog, monkeypatch):
-    monkeypatch.setattr("fleet.host.robot.run_health.COMING_UP", 0.05)
+    monkeypatch.setattr("fleet.host.robot.adapter_health.COMING_UP", 0.05)
 
     async def run(robot):
         robot.health(Health(Level.OFFLINE, "it has not spoken yet"))

@@ -8,7 +8,7 @@ import pytest
 
 from fleet.bus import keys
 from fleet.host.process.rebuild import BACK_WITHIN
-from fleet.host.robot.rest import STILL
+from fleet.host.robot.rest_check import STILL
 from fleet.host.workers import worker_changes
 from fleet.host.workers.worker_changes import ENDS_WITHIN, REQUEST_WITHIN, TRY_WITHIN, WorkerChanges
 from fleet.model.change import HeldRobot, HoldRequest, HoldRobot, Outcome

@@ -6,9 +6,9 @@ import mqtt5
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fleet.sim.broker.broker_core import BrokerCore
 from fleet.sim.broker.connection import BrokerConnection
 from fleet.sim.broker.faults import BrokerFaults
-from fleet.sim.broker.hub import BrokerCore
 from fleet.sim.broker.limits import ClientLimits
 from fleet.testing.clock import ManualClock
 

@@ -3,9 +3,9 @@
 import mqtt5
 import pytest
 
+from fleet.sim.broker.broker_core import BrokerCore
 from fleet.sim.broker.conversation import ClientError, Conversation
 from fleet.sim.broker.faults import BrokerFaults
-from fleet.sim.broker.hub import BrokerCore
 from fleet.sim.broker.limits import ClientLimits
 from fleet.testing.clock import ManualClock
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet.schedules.plan import MOST, DueFirings, due_firings
+from fleet.schedules.due_firings import MOST, DueFirings, due_firings
 from fleet.schedules.triggers import Trigger
 
 MINUTELY = Trigger(every=60.0)

@@ -24,7 +24,7 @@ from fleet.client.edges import Edges, decoded
 from fleet.client.local_user import stamped
 from fleet.errors import Refused
 from fleet.model.command import Reply
-from fleet.model.start import (
+from fleet.model.common_start import (
     AT_LEAST,
     FARTHEST,
     PINGS,

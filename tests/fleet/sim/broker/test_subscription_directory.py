@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.cloud.topics import matches
-from fleet.sim.broker import directory
-from fleet.sim.broker.directory import RetainedMessage, SubscriptionDirectory
+from fleet.sim.broker import subscription_directory
 from fleet.sim.broker.limits import ClientLimits
 from fleet.sim.broker.session import BrokerSession, BrokerSubscription
+from fleet.sim.broker.subscription_directory import RetainedMessage, SubscriptionDirectory
 
 LIMITS = ClientLimits(retained=2, retained_bytes=10)
 levels = st.sampled_from(["a", "b", "", "$x"])
@@ -102,7 +102,7 @@ def test_an_unsubscription_says_whether_there_was_one(store, join):
 
 
 def test_topics_without_end_are_not_remembered_without_end(store, join, monkeypatch):
-    monkeypatch.setattr(directory, "_REMEMBERED", 3)
+    monkeypatch.setattr(subscription_directory, "_REMEMBERED", 3)
     join("ann", "#")
     for number in range(10):
         assert receivers(store, str(number)) == {"ann": ["#"]}

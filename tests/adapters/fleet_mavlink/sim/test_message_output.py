@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from fleet_mavlink.sim.ardupilot import ArduPilot
 from fleet_mavlink.sim.command_request import CommandRequest
+from fleet_mavlink.sim.message_output import CRITICAL, INFO, MessageOutput
 from fleet_mavlink.sim.px4 import SimPx4
-from fleet_mavlink.sim.speaker import CRITICAL, INFO, MessageOutput
 
 REQUEST = CommandRequest(400, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, None, 245, 191)
 

@@ -12,7 +12,7 @@ from fleet_mavlink.ardupilot import ArduCopter
 from fleet_mavlink.constants import MavCmd
 from fleet_mavlink.px4 import Px4
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.watch_rules import RequiredPermission, required_permission
+from fleet_mavlink.station_permissions import RequiredPermission, required_permission
 
 NAN = math.nan
 COPTER = [brake.request for brake in ArduCopter().brakes(VehicleState())]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from fleet.errors import WireError
-from fleet.wire.strict import number, parse_object, text
+from fleet.wire.strict_json import number, parse_object, text
 
 
 class EdgeHeartbeat(msgspec.Struct, frozen=True):

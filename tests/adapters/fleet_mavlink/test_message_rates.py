@@ -6,8 +6,8 @@ import pytest
 
 from fleet_mavlink.commander import Commander, CommandTimeouts
 from fleet_mavlink.constants import MavCmd, MavResult
+from fleet_mavlink.message_rates import MessageRates, wanted_rates
 from fleet_mavlink.messages import Attitude, CommandAck, CommandLong, RequestDataStream
-from fleet_mavlink.streams import MessageRates, wanted_rates
 
 
 class Vehicle:

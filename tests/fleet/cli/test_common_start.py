@@ -8,7 +8,7 @@ import pytest
 
 from fleet.bus import keys
 from fleet.model.command import Reply, ReplyStatus
-from fleet.model.start import CLOCKS_WITHIN, ClockOffset, StartAnswer, offset_of
+from fleet.model.common_start import CLOCKS_WITHIN, ClockOffset, StartAnswer, offset_of
 
 
 @pytest.fixture

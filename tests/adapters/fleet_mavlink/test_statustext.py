@@ -1,7 +1,7 @@
 """Sentences of the autopilot, whole again."""
 
 from fleet_mavlink.messages import StatusTextMessage
-from fleet_mavlink.texts import StatusTextAssembler
+from fleet_mavlink.statustext import StatusTextAssembler
 
 FULL = "Arming denied: Resolve system health failures firs"
 

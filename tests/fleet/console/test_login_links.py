@@ -4,7 +4,7 @@ import socket
 
 import pytest
 
-from fleet.console.links import ConsoleError, LinkRequest, all_links, request_link, serve_links
+from fleet.console.login_links import ConsoleError, LinkRequest, all_links, request_link, serve_links
 from fleet.console.task import link_socket
 from fleet.model.permission import Permission
 

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.errors import WireError
-from fleet.wire.claims import EdgeHeartbeat, read_heartbeat
+from fleet.wire.edge_heartbeat import EdgeHeartbeat, read_heartbeat
 from fleet.wire.health import edge_health
 
 BEATS = st.builds(EdgeHeartbeat, st.sampled_from("abc"), st.sampled_from("xyz"), st.floats(0, 1e9))

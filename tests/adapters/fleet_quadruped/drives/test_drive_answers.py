@@ -1,6 +1,6 @@
 import pytest
 
-from fleet_quadruped.drives.answers import DriveAnswers
+from fleet_quadruped.drives.drive_answers import DriveAnswers
 
 
 def after(*cycles):

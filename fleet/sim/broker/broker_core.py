@@ -12,10 +12,10 @@ import mqtt5
 
 from fleet.clock import Clock
 from fleet.cloud.topics import matches
-from fleet.sim.broker.directory import RetainedMessage, SubscriptionDirectory
 from fleet.sim.broker.faults import BrokerFaults
 from fleet.sim.broker.limits import ClientLimits
 from fleet.sim.broker.session import NEVER, BrokerSession, BrokerSubscription, QueuedCopy
+from fleet.sim.broker.subscription_directory import RetainedMessage, SubscriptionDirectory
 
 logger = logging.getLogger(__name__)
 

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from fleet import GeoOrigin, GeoPoint, Vector3
 from fleet.model.geodesy import geo_from_world
-from fleet_mavlink.frames import flu_from_frd, origin_of, pose_of
 from fleet_mavlink.messages import Heartbeat
 from fleet_mavlink.state import Angles, VehicleState
+from fleet_mavlink.world_frame import flu_from_frd, origin_of, pose_of
 
 HOME = GeoOrigin(47.397742, 8.545594, 488.0)
 PLACE = GeoPoint(HOME.latitude, HOME.longitude, HOME.altitude)

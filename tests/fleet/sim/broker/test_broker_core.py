@@ -5,8 +5,8 @@ import asyncio
 import mqtt5
 import pytest
 
+from fleet.sim.broker.broker_core import BrokerCore
 from fleet.sim.broker.faults import BrokerFaults
-from fleet.sim.broker.hub import BrokerCore
 from fleet.sim.broker.limits import ClientLimits
 from fleet.sim.broker.session import NEVER, BrokerSubscription
 from fleet.testing.clock import JumpingLoop, LoopClock

@@ -4,8 +4,8 @@ import msgspec
 import pytest
 
 from fleet.model.report import BatteryReport, MetricsReport, TelemetryReport
-from fleet.wire.parts import PARTED, TELEMETRY, is_telemetry_end, part_of, rule_of_part
 from fleet.wire.rules import RULES, TrafficClass
+from fleet.wire.sub_states import PARTED, TELEMETRY, is_telemetry_end, part_of, rule_of_part
 
 ROW = RULES["telemetry"]
 STATES = [name for name, part in TELEMETRY.items() if part.traffic is TrafficClass.LATEST]

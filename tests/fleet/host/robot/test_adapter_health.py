@@ -5,7 +5,7 @@ import logging
 
 import pytest
 
-from fleet.host.robot.run_health import AdapterHealth
+from fleet.host.robot.adapter_health import AdapterHealth
 from fleet.model.health import Health, Level
 
 SILENT = Health(Level.OFFLINE, "it has not spoken yet")
@@ -65,7 +65,7 @@ async def test_the_steps_of_a_start_are_changes_but_no_new_levels(health):
 
 
 async def test_what_is_still_wrong_after_a_start_is_reported(monkeypatch):
-    monkeypatch.setattr("fleet.host.robot.run_health.COMING_UP", 0.0)
+    monkeypatch.setattr("fleet.host.robot.adapter_health.COMING_UP", 0.0)
     level = asyncio.get_running_loop().create_future()
     log = logging.getLogger("fleet.robot.rover")
     health = AdapterHealth(log, changed=lambda: None, level_changed=level.set_result)

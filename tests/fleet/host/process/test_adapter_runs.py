@@ -5,7 +5,7 @@ import types
 
 import pytest
 
-from fleet.host.process.robot_runs import CHANGES, AdapterRuns
+from fleet.host.process.adapter_runs import CHANGES, AdapterRuns
 
 
 class Robot:

@@ -3,7 +3,7 @@
 import logging
 
 from fleet.testing.clock import ManualClock
-from fleet_mavlink.notices import _MOST, RateLimitedLog
+from fleet_mavlink.rate_limited_log import _MOST, RateLimitedLog
 
 
 def test_each_reason_is_logged_once_a_minute_with_the_number_left_out(caplog):

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import pytest
 
 from fleet.config.difference import ComparedFile
-from fleet.host.edge import renamed
+from fleet.host.edge import renamed_stops
 from fleet.host.edge.last_configuration import FILE, keep
-from fleet.host.edge.renamed import carry_stops
+from fleet.host.edge.renamed_stops import carry_stops
 
 WHY = "asked by anna (claimed, tele, over the cloud)"
 
@@ -50,7 +50,7 @@ def outline(**twins):
 @pytest.fixture
 def carry(tmp_path, monkeypatch):
     """Return a function that starts an edge of some robots; it returns the stops of each, and the journal."""
-    monkeypatch.setattr(renamed, "outline_of", lambda loaded: loaded)
+    monkeypatch.setattr(renamed_stops, "outline_of", lambda loaded: loaded)
 
     def start(journal, now, remote=()):
         robots = {name: Robot() for name in now.robots}

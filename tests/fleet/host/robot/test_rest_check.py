@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from fleet.host.robot.rest import STILL, moving, not_resting
+from fleet.host.robot.rest_check import STILL, moving, not_resting
 from fleet.testing.clock import ManualClock
 
 

@@ -6,8 +6,8 @@ import pytest
 
 from fleet import BatteryReport, ImuReport, JointReport, PoseReport, Vector3
 from fleet_ugv.config import UgvConfig
+from fleet_ugv.feedback_reporter import FeedbackReporter
 from fleet_ugv.model import Feedback
-from fleet_ugv.observer import FeedbackReporter
 from fleet_ugv.odometry import Scale, WheelOdometry
 
 TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"

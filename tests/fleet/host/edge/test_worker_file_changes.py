@@ -6,7 +6,7 @@ import pytest
 
 from fleet.config.load import Loaded
 from fleet.config.schema import FleetConfig
-from fleet.host.edge.changes_elsewhere import WorkerFileChanges
+from fleet.host.edge.worker_file_changes import WorkerFileChanges
 from fleet.model.change import Change, ChangeKind, HeldRobot, HoldRobot, Outcome
 from fleet.plugins.registry import Plugin, Registry
 from fleet.robot_config import AdapterConfig

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.errors import Refused
-from fleet.model.start import CLOCKS_WITHIN, ClockOffset, check_clock, offset_of
+from fleet.model.common_start import CLOCKS_WITHIN, ClockOffset, check_clock, offset_of
 
 TIMES = st.floats(0, 2e9)
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fleet_quadruped.control.off_watch import TorqueOffMonitor
+from fleet_quadruped.control.torque_off_monitor import TorqueOffMonitor
 from fleet_quadruped.drives.base import JointFeedback, JointsFeedback, Power
 
 STALE = 0.1

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.messages import StatusTextMessage
-from fleet_mavlink.texts import StatusTextAssembler
-from fleet_mavlink.watch_answers import refusal, unchanged, words
+from fleet_mavlink.station_refusals import refusal, unchanged, words
+from fleet_mavlink.statustext import StatusTextAssembler
 
 ARM = mav.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
 FTP = struct.Struct("<HBBBBBxI")
