@@ -53,7 +53,7 @@ def opened(edge, bus):
     for key in published(edge):
         bus.control.subscribe(key, lambda *_: None)
     for key in (REPORTS, keys.frames(edge, "*")):
-        bus.reports.gather(key, lambda _: None)
+        bus.reports.subscribe_batches(key, lambda _: None)
     (pathlib.Path(sys.argv[1]) / "heard.mcap").touch()
 edges = EdgeBuses((), runtime_dir(), SystemClock(), only=False, opened=opened, changed=lambda *_: None)
 asyncio.run(edges.run())

@@ -90,7 +90,7 @@ class Board:
         self._robot.leave_halt(link, filter(None, (self.codec.stop, self.codec.gimbal_stop)))
         self._slot.send(self.codec.hello(), self.codec.stop)
         self._robot.health(self.readiness.health)
-        self._robot.every(POLL_INTERVAL, self.turn)
+        self._robot.every(POLL_INTERVAL, self.poll)
 
     def end(self) -> None:
         """Leave the base standing; what is asked of it from now on is not waited for."""
@@ -136,7 +136,7 @@ class Board:
         stamp = self._robot.clock.time()
         self._robot.report(self.observer.metrics(stamp, self._errors()))
 
-    def turn(self) -> None:
+    def poll(self) -> None:
         """Handle events and due work; raises LinkLost when the base has been silent for too long."""
         now = self._robot.clock.monotonic()
         while self._inbox:

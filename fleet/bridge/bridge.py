@@ -218,7 +218,7 @@ class Bridge:
         topics = tuple(self._topics.twin(port.twin, "telemetry") for port in self._served())
         return DisconnectPlan(self._settings, self.session, topics)
 
-    def hold(self, twin: str, holder: str) -> bool:
+    def set_holder(self, twin: str, holder: str) -> bool:
         """Leave a twin to another edge, or take it back if ``holder`` is empty; False if nothing changes."""
         if twin not in self._ports or holder == self._held.get(twin, ""):
             return False

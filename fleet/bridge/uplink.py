@@ -144,7 +144,7 @@ class Uplink:
                 self._repeated.remove(outbound)
         self.streaming.discard(twin)
 
-    def own(self, twins: Iterable[str]) -> None:
+    def refuse_bus_events(self, twins: Iterable[str]) -> None:
         """Refuse events in the format of the fleet from the bus for robots that run in this process."""
         for twin in twins:
             self.open(data_key(twin, EventReport.channel))

@@ -35,13 +35,15 @@ class QueryTable(Generic[OwnerT]):
         self._owners: dict[str, OwnerT] = {}
         self._ends: dict[str, Callable[[], None]] = {}  # of the keys apart
         if not apart:
-            bus_session.answer(pattern, self._requested_for_many, more=more)
+            bus_session.declare_queryable(pattern, self._requested_for_many, more=more)
 
     def add(self, key: str, owner: OwnerT) -> None:
         """Answer the queries on a key from now on; a key has one owner, the newest."""
         self._owners[key] = owner
         if self._apart and key not in self._ends:
-            self._ends[key] = self._bus_session.answer(key, self._requested_for_one, more=self._more)
+            self._ends[key] = self._bus_session.declare_queryable(
+                key, self._requested_for_one, more=self._more
+            )
 
     def remove(self, key: str) -> None:
         """Stop answering queries on a key; no effect on an unknown one."""
@@ -63,7 +65,7 @@ class QueryTable(Generic[OwnerT]):
         found = requested_keys(query.requested, query.suffix, owners, self._more)
         if not found:
             query.close()
-        for part in query.divided(found):
+        for part in query.split(found):
             self._answer(owners[part.key], part)
 
     def _answer(self, owner: OwnerT, query: Query) -> None:

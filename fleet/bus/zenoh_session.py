@@ -116,7 +116,7 @@ class Query:
         self.reply(payload, key)
         self.close()
 
-    def divided(self, keys: Sequence[str]) -> list[Query]:
+    def split(self, keys: Sequence[str]) -> list[Query]:
         """Return a query for each of these keys, in place of this one; the last to be closed ends it."""
         self._open = list(range(len(keys)))
         parts = [copy.copy(self) for _ in keys]
@@ -223,7 +223,7 @@ class ZenohSession:
 
         return self.subscribe(pattern, arrived)
 
-    def gather(self, key: str, call: OnSamples) -> Callable[[], None]:
+    def subscribe_batches(self, key: str, call: OnSamples) -> Callable[[], None]:
         """Call ``call`` with batches of the samples of other sessions under ``key``, in order.
 
         Return a function that ends it; a last call may come while that runs. The calls are made on a thread
@@ -248,7 +248,9 @@ class ZenohSession:
 
         return end
 
-    def answer(self, key: str, call: Callable[[Query], None], *, more: str = "") -> Callable[[], None]:
+    def declare_queryable(
+        self, key: str, call: Callable[[Query], None], *, more: str = ""
+    ) -> Callable[[], None]:
         """Call ``call`` with each query on ``key``; it, or other code later, must reply to and close it.
 
         With ``more`` (``/as/*/*``) also on keys with these additional chunks. Return a function that ends it.

@@ -46,7 +46,7 @@ def failover(out: Output, edge: str | None, *, accept_file: bool, file: str | No
         if accept_file:
             return _accepted(out, edges, edge)
         holder = _holder(edges.edges(), edge)
-        reply = edges.one(keys.failover(holder), Reply, HandOver())
+        reply = edges.request(keys.failover(holder), Reply, HandOver())
         if not reply.ok:
             raise Refused(reply.reason)
         end = time.monotonic() + GIVEN_WITHIN
@@ -63,7 +63,7 @@ def _accepted(out: Output, edges: Edges, edge: str | None) -> ExitCode:
     """Have a standby with a different file take over."""
     if edge is None:
         raise click.UsageError("--accept-file needs EDGE: the standby that is to take over")
-    reply = edges.one(keys.failover(edge), Reply, HandOver(accept=True))
+    reply = edges.request(keys.failover(edge), Reply, HandOver(accept=True))
     if not reply.ok:
         raise Refused(reply.reason)
     out.data({"ok": True, "edge": edge})

@@ -28,7 +28,7 @@ def follow_rehearsal(  # noqa: PLR0917 - all of one call
     Raises Refused if it is not possible, TimedOut if the edge does not answer. Ctrl-C ends it.
     """
     key = keys.mission(edge, name)
-    started = edges.one(key, RehearsalState, request, {"do": "rehearse"})
+    started = edges.request(key, RehearsalState, request, {"do": "rehearse"})
     if started.refusal:
         raise Refused(started.refusal)
     for role, robots in started.roles.items():
@@ -47,7 +47,7 @@ def _followed(out: Output, edges: Edges, key: str, started: RehearsalState) -> R
     """Show notes until there is a result; raises Refused if the rehearsal fails."""
     known, shown_at = 0, time.monotonic()
     while True:
-        state = edges.one(key, RehearsalState, RehearsalPoll(started.id, known), {"do": "rehearsal"})
+        state = edges.request(key, RehearsalState, RehearsalPoll(started.id, known), {"do": "rehearsal"})
         known += len(state.notes)
         for note in state.notes:
             out.note(note_line(note))

@@ -20,7 +20,7 @@ def request_changes(edge: str, file: str, requested: ChangesRequest) -> ChangesA
     within = APPLY_WITHIN if requested.do == "apply" else LOOK_WITHIN
     with edges:
         try:
-            answer = edges.one(keys.changes(edge), ChangesAnswer, requested, within=within)
+            answer = edges.request(keys.changes(edge), ChangesAnswer, requested, within=within)
         except TimedOut as error:
             version = next((state.version for state in edges.edges() if state.edge == edge), "")
             older = (

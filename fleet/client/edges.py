@@ -87,7 +87,7 @@ class Edges:
     def states(self) -> list[RobotState]:
         """Return the states of the robots, by edge and name; the newest if several processes report one."""
         found: dict[tuple[str, str], RobotState] = {}
-        for bus_session, _, state in self.requested(keys.state("*", "*"), RobotState):
+        for bus_session, _, state in self.request_all(keys.state("*", "*"), RobotState):
             robot = (state.edge, state.name)
             self._session_by_robot.setdefault(robot, bus_session)
             if robot not in found or state.stamp > found[robot].stamp:
@@ -96,7 +96,7 @@ class Edges:
 
     def edges(self) -> list[EdgeState]:
         """Return the states of the edges, by name."""
-        found = {state.edge: state for _, _, state in self.requested(keys.health("*"), EdgeState)}
+        found = {state.edge: state for _, _, state in self.request_all(keys.health("*"), EdgeState)}
         return [found[edge] for edge in sorted(found)]
 
     def silent(self, found: Iterable[EdgeState]) -> list[str]:
@@ -150,7 +150,7 @@ class Edges:
 
     def description(self, robot: RobotState) -> RobotDescription:
         """Return the vocabulary of a robot; raises TimedOut if its process does not answer."""
-        for _, _, found in self.requested(keys.description(robot.edge, robot.name), RobotDescription):
+        for _, _, found in self.request_all(keys.description(robot.edge, robot.name), RobotDescription):
             return found
         raise TimedOut(f"{robot.name} does not report its commands: {robot.cause or 'its process is silent'}")
 
@@ -182,7 +182,7 @@ class Edges:
         """Return the schedules of all edges, with their edge; raises Refused if an edge cannot read them."""
         requested = msgspec.json.encode(ScheduleRequest())
         found = []
-        answers = self.requested(
+        answers = self.request_all(
             keys.schedules("*"), ScheduleAnswer, requested, HISTORY_WITHIN, by_person=True
         )
         for _, key, answer in answers:
@@ -195,18 +195,18 @@ class Edges:
         """Send a request about an edge's schedules; raises TimedOut without an answer."""
         payload = msgspec.json.encode(requested)
         key = keys.schedules(edge)
-        for _, _, answer in self.requested(key, ScheduleAnswer, payload, STARTED_WITHIN, by_person=True):
+        for _, _, answer in self.request_all(key, ScheduleAnswer, payload, STARTED_WITHIN, by_person=True):
             return answer
         raise TimedOut(f"edge {edge} does not answer for its schedules")
 
     def history(self, wanted: EventFilter) -> list[Record]:
         """Return the events of the edges' histories, oldest first."""
         requested = msgspec.json.encode(wanted)
-        parts = self.requested(keys.history("*"), list[Record], requested, HISTORY_WITHIN)
+        parts = self.request_all(keys.history("*"), list[Record], requested, HISTORY_WITHIN)
         by_edge = ((key.split("/")[1], record) for _, key, part in parts for record in part)
         return newest((msgspec.structs.replace(record, edge=edge) for edge, record in by_edge), wanted)
 
-    def one(
+    def request(
         self,
         key: str,
         kind: type[T],
@@ -225,7 +225,7 @@ class Edges:
                 return found
         raise TimedOut(f"no answer within {within:g} s on {key}")
 
-    def requested(
+    def request_all(
         self,
         key: str,
         kind: type[T],

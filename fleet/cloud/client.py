@@ -279,7 +279,7 @@ class CloudClient:
                     deliver=self._deliver,
                     dispatch=self._on_read,
                 )
-                await connection.answered()
+                await connection.wait_ready()
             return await self._serve_ready(connection, session)
         except TimeoutError:
             hint = "" if self._settings.tls else f"; if it wants TLS, {TRY_TLS}"

@@ -251,7 +251,7 @@ class MqttConnection:
             large = len(data) >= _LARGE_WRITE
             self._flush_again(self.flush if large else lambda: self.spaced(self.flush))
 
-    async def answered(self) -> None:
+    async def wait_ready(self) -> None:
         """Wait until the connection is ready, or ends before."""
         waited: list[asyncio.Future[Any]] = [self.ready, self.ended]
         await asyncio.wait(waited, return_when=asyncio.FIRST_COMPLETED)

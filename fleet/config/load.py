@@ -377,7 +377,7 @@ def _merged(under: object, over: object, under_at: YamlPath, over_at: YamlPath, 
             merged[key] = _merged(value, over[key], source, target, document)
         else:
             merged[key] = value
-            document.copy_places(source, target, value)
+            document.copy_marks(source, target, value)
     return merged
 
 

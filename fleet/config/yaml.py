@@ -64,7 +64,7 @@ class Document(msgspec.Struct):
                 message, hint = message.replace(secret, "****"), hint.replace(secret, "****")
         return problem_at(mark, message, text=text, hint=hint)
 
-    def copy_places(self, source: YamlPath, target: YamlPath, value: object) -> None:
+    def copy_marks(self, source: YamlPath, target: YamlPath, value: object) -> None:
         """Register the positions of ``value`` at ``source`` for its copy at ``target``."""
         for places in (self.marks, self.keys):
             if source in places:
@@ -73,7 +73,7 @@ class Document(msgspec.Struct):
             if source in paths:
                 paths.add(target)
         for step, part in _parts_of(value):
-            self.copy_places((*source, step), (*target, step), part)
+            self.copy_marks((*source, step), (*target, step), part)
 
     def report_unreadable(self, path: YamlPath, mark: Mark, message: str, hint: str = "") -> None:
         """Report an unreadable value."""

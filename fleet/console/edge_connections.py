@@ -88,7 +88,7 @@ class EdgeConnections:
         """Subscribe on an edge's bus, and query earlier publications; blocks."""
         for key in (keys.state("*", "*"), keys.health("*"), keys.positions("*", "*"), keys.run("*", "*")):
             bus.control.subscribe(key, self._arrived)
-        bus.reports.gather(POSITIONS, self._gathered)
+        bus.reports.subscribe_batches(POSITIONS, self._gathered)
         self.queries.request_states(bus.control)
 
     def _arrived(self, key: str, payload: bytes) -> None:

@@ -59,7 +59,7 @@ class Results:
         self._tracks: dict[tuple[str, str], _WaitingTrack] = {}
         self._pictures: dict[str, int] = {}
 
-    def at(self, run: str, robot: str, position: Vector3 | None, now: float) -> None:
+    def record_position(self, run: str, robot: str, position: Vector3 | None, now: float) -> None:
         """Record the position of a robot of a run; None if unknown."""
         track = self._tracks.setdefault((run, robot), _WaitingTrack())
         if position is None or not track.admits(now):
@@ -68,7 +68,7 @@ class Results:
         if len(track.waiting) >= WRITTEN_EVERY:
             self._write_track(run, robot, track)
 
-    def picture(self, run: str, robot: str, image: bytes, form: str, now: float) -> None:
+    def store_picture(self, run: str, robot: str, image: bytes, form: str, now: float) -> None:
         """Store a picture that a robot of a run reported."""
         number = self._pictures.get(run, 0) + 1
         if number > PICTURES or form not in FORMATS:

@@ -95,7 +95,7 @@ class Recorder:
         file = self._ring.file(self._clock.time())
         if file.path != self._path:  # each file starts with the persistent values, so it can be read alone
             self._path = file.path
-            for message in self._reader.standing:
+            for message in self._reader.persistent_values:
                 file.add(message, self._now())
         for received, edge, key, payload in samples:
             for message in self._reader.read(edge, key, payload):

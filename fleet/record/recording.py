@@ -100,7 +100,7 @@ class _EdgeSubscriptions:
         for key in published(edge):
             bus.control.subscribe(key, partial(self._recorder.add, edge))
         for key in (REPORTS, keys.frames(edge, "*")):
-            bus.reports.gather(key, partial(self._recorder.add_many, edge))
+            bus.reports.subscribe_batches(key, partial(self._recorder.add_many, edge))
 
     def request(self, edge: str, control: ZenohSession) -> None:
         """Query the newest events of an edge, and periodically the values that rarely change."""

@@ -57,7 +57,7 @@ class SampleReader:
             return [unread(topic, payload)]
 
     @property
-    def standing(self) -> list[Message]:
+    def persistent_values(self) -> list[Message]:
         """The persistent values: runs in progress, fences and bodies of robots, schedules."""
         return [*self._persistent.values(), *self._runs.values()]
 

@@ -50,9 +50,9 @@ class PlayedEdge:
         self._events: deque[Record] = deque(maxlen=REMEMBERED)
         control = self._bus.control
         for key in (keys.state(self.name, "*"), keys.health(self.name), keys.run(self.name, "*")):
-            control.answer(key, self._answer_last)
-        control.answer(keys.history(self.name), self._answer_history)
-        control.answer(keys.command(self.name, "*"), _refuse)
+            control.declare_queryable(key, self._answer_last)
+        control.declare_queryable(keys.history(self.name), self._answer_history)
+        control.declare_queryable(keys.command(self.name, "*"), _refuse)
         self._lives = control.token(keys.edge(self.name))
 
     def close(self) -> None:

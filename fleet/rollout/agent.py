@@ -84,12 +84,12 @@ class Agent:
         """Poll the store until cancelled, every ``every`` seconds."""
         while True:
             try:
-                await self.turn()
+                await self.poll()
             except Exception:  # an agent that has ended cannot install the bundle that would repair it
                 log.exception("the agent of edge %s failed; it looks again", self._edge)
             await self._sleep(every)
 
-    async def turn(self) -> None:
+    async def poll(self) -> None:
         """Poll once: take the next step and report changes. A silent store interrupts nothing."""
         try:
             self._desired = await self._store.desired()

@@ -101,7 +101,7 @@ class Driver:
         heard = self._clock.monotonic()
         while True:
             try:
-                rollout, observed = await self.turn()
+                rollout, observed = await self.poll()
             except StoreError as error:
                 self._all_written = False  # desired states may not have been written
                 if self._clock.monotonic() - heard >= SILENT_FOR:
@@ -115,7 +115,7 @@ class Driver:
                 return rollout
             await self._sleep(POLL_INTERVAL)
 
-    async def turn(self) -> tuple[Rollout, dict[str, ObservedState]]:
+    async def poll(self) -> tuple[Rollout, dict[str, ObservedState]]:
         """Take one step; raises StoreError, RolloutMissing."""
         rollout, revision = await self._stored()
         statuses = rollout.progress.statuses

@@ -30,7 +30,7 @@ class HeldTopics:
             queue.unsubscribed = min(queue.unsubscribed + 1, 8)
             self._queues[queue.topic] = queue
 
-    def heard(self, queue: TopicQueue, now: float) -> None:
+    def record_subscriber(self, queue: TopicQueue, now: float) -> None:
         """Record that a topic has a subscriber; if it had none before, retry all held topics immediately."""
         if queue.state is OPEN:  # the common case
             return

@@ -129,7 +129,7 @@ class SpoolQueue:
             self.losses.note(message.topic, message.traffic, Reason.REFUSED, wall)
         self._contents.forget(message)
         if not queue.quiet:
-            self._queues.held_topics.heard(queue, now)
+            self._queues.held_topics.record_subscriber(queue, now)
             self._queues.reschedule(queue)
             self._queues.forget(queue)
 

@@ -87,7 +87,7 @@ class _VideoProgram:
 
     def declare(self, key: str) -> None:
         """Serve requests on ``key``, and subscribe to the peer's answers and candidates."""
-        self._bus_session.answer(key, self._on_loop(self._requested))
+        self._bus_session.declare_queryable(key, self._on_loop(self._requested))
         for channel, local in (("cloud/webrtc_answer", False), (LOCAL_ANSWER, True)):
             answered = self._on_loop(partial(self._answered, local))
             self._bus_session.subscribe(data_key(self._twin, channel), answered)

@@ -52,7 +52,9 @@ def test_only_summaries_go_up_and_questions_and_stops_pass(fleet_and_edge):
     heard, stopped = [], threading.Event()
     view.subscribe("**", lambda key, _: heard.append(key))
     view.watch_tokens("fleet/**", lambda key, alive: heard.append(f"token {key}"))
-    edge.answer(keys.history("yard-1"), lambda question: (question.reply(b"told"), question.close()))
+    edge.declare_queryable(
+        keys.history("yard-1"), lambda question: (question.reply(b"told"), question.close())
+    )
     edge.subscribe(keys.stop("*"), lambda *_: stopped.set())
     for token in (keys.robot("yard-1", "rex"), keys.claim("yard-1", TWIN, 1), keys.edge("yard-1")):
         edge.token(token)

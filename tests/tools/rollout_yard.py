@@ -49,12 +49,12 @@ class Yard:
         if at:
             desired = DesiredState(desired.rollout, at, desired.parts)
         await self.store.put_desired("yard-1", desired)
-        await self.agent.turn()
+        await self.agent.poll()
         return address
 
     async def withdraw(self, address, rollout="r1"):
         await self.store.put_desired("yard-1", DesiredState(rollout, address, 1, withdrawn=True))
-        await self.agent.turn()
+        await self.agent.poll()
 
     async def report(self):
         return (await self.store.observed(["yard-1"]))["yard-1"]

@@ -116,7 +116,7 @@ class Feed:
             convert(control.request(key, b"", timeout=ANSWER_WITHIN))
         for key in published(edge):
             heard.ends.append(control.subscribe(key, lambda key, payload: convert([(key, payload)])))
-        heard.ends.append(heard.bus.reports.gather(REPORTS, convert))
+        heard.ends.append(heard.bus.reports.subscribe_batches(REPORTS, convert))
 
     def _convert(
         self, edge: str, loop: asyncio.AbstractEventLoop, samples: Iterable[tuple[str, bytes]]

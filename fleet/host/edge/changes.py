@@ -96,7 +96,7 @@ class ConfigurationChanges:
         def requested(question: Query) -> None:
             loop.call_soon_threadsafe(self._begin, question)
 
-        control.answer(keys.changes(self._process.edge), requested)
+        control.declare_queryable(keys.changes(self._process.edge), requested)
 
     async def begin(self) -> None:
         """Write the running configuration to disk."""

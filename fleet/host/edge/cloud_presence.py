@@ -23,9 +23,9 @@ class CloudPresence:
         """Give the supervisor the messages that it publishes in the cloud when this process dies."""
         self._supervised.leave_notice(msgspec.json.encode(self._bridge.disconnect_plan()))
 
-    def hold(self, twin: str, holder: str) -> None:
+    def set_holder(self, twin: str, holder: str) -> None:
         """Leave a twin to another edge, which then speaks for it, or take it back."""
-        if self._bridge.hold(twin, holder):
+        if self._bridge.set_holder(twin, holder):
             self.register_disconnect_messages()
 
     def beat(self, edge: EdgeState, robots: Iterable[RobotState]) -> None:

@@ -52,7 +52,7 @@ class Coordinators:
     def declare(self, control: ZenohSession, every: Callable[[float, Callable[[], None]], object]) -> None:
         """Serve requests for leases, and check the present ones periodically."""
         if self._trusted:
-            control.answer(keys.coordinator(self._edge), self._requested)
+            control.declare_queryable(keys.coordinator(self._edge), self._requested)
             every(POLL_INTERVAL, self.check)
 
     def check(self) -> None:

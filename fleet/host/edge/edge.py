@@ -120,7 +120,7 @@ class Edge:
             self.process.holders.moves_elsewhere = self._moves
             self.cloud_claims = CloudClaims(
                 {robot.twin: robot for robot in self.robots()},
-                hold=self.process.holders.hold_in_the_cloud,
+                hold=self.process.holders.set_cloud_holder,
                 tell=partial(self.bus.control.put, keys.holders(config.edge.id)),
             )
             self._workers = Workers(loaded, directory, self.process, self.remote)
@@ -139,7 +139,7 @@ class Edge:
                 self.missions.workflows.publish = self.bridge.publisher.status
             self._presence = CloudPresence(self.bridge, self.process.supervised) if self.bridge else None
             if self._presence is not None:
-                self.process.holders.changed = self._presence.hold
+                self.process.holders.changed = self._presence.set_holder
             self.metrics, self._metrics_port = self._make_metrics()
             undo.pop_all()
         self._groups = {name: list(robots) for name, robots in config.members.items()}
@@ -157,7 +157,7 @@ class Edge:
         self._notifier = Notifier(config.notified, config.edge.id, clock)
         history = self.process.history
         self.schedules = EdgeSchedules(config, folder, self.missions.starter, self.process, self.states)
-        history.on_event = self.schedules.before(self._notifier.handle)
+        history.on_event = self.schedules.event_receiver(self._notifier.handle)
         self._pair = part_in_pair(loaded, gate, self.process, self.schedules.run)
         self._watches: DropInWatch | None = None
         self._loaded = loaded
@@ -338,12 +338,14 @@ class Edge:
             self._presence.register_disconnect_messages()
         if self.bridge is not None:
             self.process.outbox.bridge = self.bridge.uplink
-            self.bridge.uplink.own(robot.twin for robot in self.process.robots.values())
-            self.bus.reports.gather("cw/*/data/**", self.bridge.handle_samples)
+            self.bridge.uplink.refuse_bus_events(robot.twin for robot in self.process.robots.values())
+            self.bus.reports.subscribe_batches("cw/*/data/**", self.bridge.handle_samples)
             self.bridge.streams.listen(self.bus.reports.subscribe)
-        self.bus.control.answer(keys.health(edge), self._requested_health)
-        self.bus.control.answer(keys.history(edge), self._recall.requested)
-        self.bus.control.answer(keys.schedules(edge), self.schedules.requested, more=keys.SENDER_SUFFIX)
+        self.bus.control.declare_queryable(keys.health(edge), self._requested_health)
+        self.bus.control.declare_queryable(keys.history(edge), self._recall.requested)
+        self.bus.control.declare_queryable(
+            keys.schedules(edge), self.schedules.requested, more=keys.SENDER_SUFFIX
+        )
         self.missions.declare()
         self._changes.declare(self.bus.control)
         self._notifier.subscribe(self.bus.reports, {robot.twin: robot.name for robot in self.remote.values()})

@@ -70,7 +70,7 @@ class RobotRegistrations:
         if self._bridge is not None and self._presence is not None and self._cloud is not None:
             rules = bridge_rules(self._cloud, [robot.config]).twins[robot.twin]
             self._bridge.join(self._missions.plans.port(robot), rules)
-            self._bridge.uplink.own([robot.twin] if isinstance(robot, LocalRobot) else [])
+            self._bridge.uplink.refuse_bus_events([robot.twin] if isinstance(robot, LocalRobot) else [])
             self._presence.register_disconnect_messages()
 
     def leave(self, robot: LocalRobot | RemoteRobot) -> None:

@@ -58,8 +58,10 @@ class MissionQueries:
 
     def declare(self) -> None:
         """Start answering."""
-        self._bus_session.answer(keys.mission(self._edge, "*"), self._mission, more=keys.SENDER_SUFFIX)
-        self._bus_session.answer(keys.run(self._edge, "*"), self._run, more=keys.SENDER_SUFFIX)
+        self._bus_session.declare_queryable(
+            keys.mission(self._edge, "*"), self._mission, more=keys.SENDER_SUFFIX
+        )
+        self._bus_session.declare_queryable(keys.run(self._edge, "*"), self._run, more=keys.SENDER_SUFFIX)
 
     # -- missions ------------------------------------------------------------------------------------
 

@@ -41,14 +41,14 @@ class RunResults:
         for run in self._runs.all():
             for member in run.engine.robots.within():
                 state = self._robots[member.robot].state()
-                self._results.at(run.id, member.robot, state.site or state.position, now)
+                self._results.record_position(run.id, member.robot, state.site or state.position, now)
 
     def store_picture(self, twin: str, report: PhotoReport) -> None:
         """Store a picture of a robot that is in a run; from any thread."""
         robot = self._twins.get(twin, "")
         run = self._robots[robot].state().run if robot and self._runs.any else ""
         if run:
-            self._results.picture(run, robot, report.image, report.format, self._clock.time())
+            self._results.store_picture(run, robot, report.image, report.format, self._clock.time())
 
     def picture_receiver(self, twin: str) -> Callable[[bytes], None]:
         """Return the receiver for the pictures of a robot in a worker; on the bus's thread."""

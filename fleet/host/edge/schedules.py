@@ -110,7 +110,7 @@ class EdgeSchedules:
             self._schedules = None
             await asyncio.to_thread(store.close)  # it waits for the disk, while robots may be being stopped
 
-    def before(self, sink: EventSink) -> EventSink:
+    def event_receiver(self, sink: EventSink) -> EventSink:
         """Return a receiver for the events of the history, from any thread, that then calls ``sink``."""
 
         @never_raises

@@ -120,7 +120,7 @@ class Standby:
         self._bar("no edge of the pair is known to have the lease yet")
         for robot in self._robots:
             robot.controller.permit.refusal = lambda: "this edge does not hold the lease of its pair"
-        self._process.bus.control.answer(keys.failover(self._edge), self._requested)
+        self._process.bus.control.declare_queryable(keys.failover(self._edge), self._requested)
         self._keeper.begin()
 
     def ending(self) -> None:

@@ -52,7 +52,7 @@ class Summaries:
         """Start publishing and answering; ``soon`` runs a call on the event loop, from any thread."""
         key = keys.summary(self._id)
         self._publisher = control.publisher(key)
-        control.answer(key, lambda question: soon(lambda: self._answer(question)))
+        control.declare_queryable(key, lambda question: soon(lambda: self._answer(question)))
         scheduler.every(POLL_INTERVAL, self.update)
 
     def update(self) -> None:

@@ -102,7 +102,7 @@ class CommonStarts:
         self._process.services.append(
             _PrepareQueries(self._process, self._requested_to_prepare, self._interrupted)
         )
-        control.answer(keys.starts(edge), self._requested)
+        control.declare_queryable(keys.starts(edge), self._requested)
         control.watch_tokens(keys.starting(edge, "*"), self._token)
         self._process.scheduler.every(POLL_INTERVAL, self._drop_stale)
 
@@ -174,7 +174,7 @@ class CommonStarts:
         until = self._clock.monotonic() + KEPT
         self._prepared[robot.name] = _PreparedRequest(start, robot, request, receipt, until)
         if isinstance(request, Navigate) and not isinstance(request.instruction, Control):
-            robot.controller.guard.means(request.instruction)
+            robot.controller.guard.reserve_path(request.instruction)
         question.reply(msgspec.json.encode(Reply(name, ReplyStatus.ACCEPTED)))
 
     def _against(self, robot: LocalRobot, request: Command | Navigate, start: str) -> str:
@@ -296,7 +296,7 @@ class CommonStarts:
     def _forget(self, one: _PreparedRequest) -> None:
         """Remove a preparation."""
         self._prepared.pop(one.robot.name, None)
-        one.robot.controller.guard.means(None)
+        one.robot.controller.guard.reserve_path(None)
 
     def _refuse(self, one: _PreparedRequest, why: str) -> None:
         """Report that a robot does not begin."""

@@ -68,7 +68,7 @@ def serve_stops(
 
     for bus_session in (bus.control, bus.reports):
         bus_session.subscribe_noted(key, published)
-    bus.control.answer(key, requested)
+    bus.control.declare_queryable(key, requested)
     return lambda payload, cause: stop_everywhere(process, remote, names_in(payload, groups), cause)
 
 

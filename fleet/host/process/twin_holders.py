@@ -47,16 +47,16 @@ class TwinHolders:
             [robot.twin for robot in robots.values()],
             bus_session,
             settle=settle,
-            changed=self.hold_on_the_bus,
+            changed=self.set_bus_holder,
             moves=self._moves,
             clock=clock,
         )
 
-    def hold_on_the_bus(self, twin: str, holder: str) -> None:
+    def set_bus_holder(self, twin: str, holder: str) -> None:
         """Set the holder of a twin by the tokens on the bus."""
         self._hold(twin, "bus", holder)
 
-    def hold_in_the_cloud(self, twin: str, holder: str) -> None:
+    def set_cloud_holder(self, twin: str, holder: str) -> None:
         """Set the holder of a twin by the heartbeats in the cloud."""
         self._hold(twin, "cloud", holder)
 
@@ -85,7 +85,7 @@ class TwinHolders:
             holder = holders.get(robot.twin, "")
             known = self._holders.get(robot.twin, {}).get("cloud", "")
             if holder != known and not (holder and robot.in_use):
-                self.hold_in_the_cloud(robot.twin, holder)
+                self.set_cloud_holder(robot.twin, holder)
 
     def _hold(self, twin: str, where: str, holder: str) -> None:
         """Run the robot of a twin unless another edge holds it; end its run then."""

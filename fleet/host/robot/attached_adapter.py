@@ -32,7 +32,7 @@ class AttachedAdapter:
         """Detach the adapter at the end of its run."""
         self.adapter = None
 
-    def answers(self) -> None:
+    def mark_reachable(self) -> None:
         """Note that the robot answers: it can be reached from now on."""
         self.offline = ""
 

@@ -158,7 +158,7 @@ class RobotController:
 
     def found(self) -> None:
         """Handle the robot's first answer: it takes requests from now on."""
-        self.attached.answers()
+        self.attached.mark_reachable()
         self._admission.fault = ""
         self.motion.found()
         self._stop_again()
@@ -166,7 +166,7 @@ class RobotController:
     def faulted(self, why: str) -> None:
         """Handle a fault that the robot reports: it is halted until ``found``; a landing continues."""
         before, self._admission.fault = self._admission.fault, why
-        self.attached.answers()
+        self.attached.mark_reachable()
         self.motion.found()
         self._stop_again()
         if before or self.motion.executor.safe:

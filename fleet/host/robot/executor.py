@@ -144,14 +144,14 @@ class Executor:
         """True while a stop is in progress."""
         return bool(self._stops)
 
-    async def standing(self) -> None:
+    async def wait_standing(self) -> None:
         """Wait until stops in progress and cancelled motion have ended: what is given next follows them."""
         while busy := self._stops | self._leaving:
             await asyncio.wait(busy, timeout=IGNORED_AFTER)
 
     async def ready(self) -> None:
         """Wait as ``standing``; raises Refused if nothing may move the robot by then."""
-        await self.standing()
+        await self.wait_standing()
         if why := self._barred():
             raise Refused(why)
 
@@ -184,7 +184,7 @@ class Executor:
             request, receipt = job.request, job.receipt
             self._journal.note(request.id, request.name, transport=request.origin.transport, receipt=receipt)
             if job.spec.moves:
-                await (self.standing() if job.spec.safe else self.ready())
+                await (self.wait_standing() if job.spec.safe else self.ready())
             call = start_command(job.adapter, job.spec, request)
             data = await (_stepped(call, receipt) if job.spec.streams else call)
             msgspec.json.encode(data)  # raises if it cannot be encoded: the sender must get an answer

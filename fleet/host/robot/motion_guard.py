@@ -169,7 +169,7 @@ class MotionGuard:
         if begins:
             self._report_landing(reply.command)
         if reply.command in LANDINGS and self.apart is not None:
-            self.apart.comes_down(self._place.descent_points(reply.command) if begins else ())
+            self.apart.reserve_landing(self._place.descent_points(reply.command) if begins else ())
 
     def _check_fence(self) -> None:
         """Report a fence breach once, and end motion that leads out of the fence."""
@@ -281,18 +281,18 @@ class MotionGuard:
         except Refused:
             return ()
 
-    def means(self, task: AnyTask | None) -> None:
+    def reserve_path(self, task: AnyTask | None) -> None:
         """Reserve the path of a task that the robot is prepared for; None releases it."""
         if self.apart is not None:
-            self.apart.means(() if task is None else self.points(task))
+            self.apart.reserve_path(() if task is None else self.points(task))
 
-    def within(self, velocity: Velocity) -> Velocity:
+    def limited_velocity(self, velocity: Velocity) -> Velocity:
         """Return the part of a body velocity that keeps the fence and the separation from others.
 
         Raises Refused while the fence is unknown.
         """
         velocity = self.fencing.inside(velocity)
-        return velocity if self.apart is None or velocity.is_zero else self.apart.within(velocity)
+        return velocity if self.apart is None or velocity.is_zero else self.apart.limited_velocity(velocity)
 
 
 def _length(points: Iterable[Vector3]) -> float:

@@ -123,7 +123,7 @@ class ReportQueue:
         self.navigates: Callable[[NavigationReport], None] = lambda _report: None  # for each action status
         self.on_photo: Callable[[str, PhotoReport], None] = lambda _twin, _report: None  # for each picture
         self.dropped = 0
-        bus_session.answer(ALL, self._requested)
+        bus_session.declare_queryable(ALL, self._requested)
 
     def sender(self, twin: str) -> Callable[[Report], None]:
         """Return the function that queues one robot's reports, to be sent with the next ``flush``."""

@@ -207,7 +207,7 @@ class RobotPositions:
 
     # -- between processes -----------------------------------------------------------------------------
 
-    def sheet(self) -> bytes:
+    def positions_message(self) -> bytes:
         """Return the message for other processes about this process's robots."""
         robots = [
             _ReportedRobot(occupant, robot.on_earth, bool(robot.lost))
@@ -294,7 +294,7 @@ def exchange(traffic: RobotPositions, process: str, control: ZenohSession, sched
 
     def tell() -> None:
         if publisher.wanted:
-            publisher.put(traffic.sheet())
+            publisher.put(traffic.positions_message())
 
     for edge in sorted(traffic.edges):
         control.subscribe(keys.positions(edge, "*"), partial(heard, edge))

@@ -295,15 +295,15 @@ class SeparationKeeper:
             return ""
         return route_trouble(robot, self._in_site(points), self.others.others(self.name))
 
-    def means(self, points: Sequence[Vector3]) -> None:
+    def reserve_path(self, points: Sequence[Vector3]) -> None:
         """Reserve the path of a prepared task; no points release it."""
         self._meant = self._in_site(points) if self.placement is not None else ()
 
-    def comes_down(self, points: Sequence[Vector3]) -> None:
+    def reserve_landing(self, points: Sequence[Vector3]) -> None:
         """Reserve the path of a landing; no points release it."""
         self._down = self._in_site(points) if self.placement is not None else ()
 
-    def within(self, velocity: Velocity) -> Velocity:
+    def limited_velocity(self, velocity: Velocity) -> Velocity:
         """Return a body velocity, slowed so far that the robot can stop before it is too near another.
 
         Most velocities pass by a comparison; of the others, one judgement serves all similar ones.

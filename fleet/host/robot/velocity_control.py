@@ -119,7 +119,7 @@ class VelocityControl:
     def hold(self, adapter: Adapter[Any], velocity: Velocity, lease: float) -> None:
         """Make the adapter hold a velocity for its lease (s); raises the adapter's errors."""
         self._adapter, self._wanted = adapter, clamp(velocity, self._limits)
-        velocity = self._guard.within(self._wanted)
+        velocity = self._guard.limited_velocity(self._wanted)
         now, zero = self._clock.monotonic(), velocity.is_zero
         self.deadman.feed(now, lease)
         self._guard.held = velocity
@@ -136,7 +136,7 @@ class VelocityControl:
 
     def reapply_velocity(self) -> None:
         """Hold the requested velocity as far as the guard admits it now; the lease is not renewed."""
-        velocity = self._guard.within(self._wanted)
+        velocity = self._guard.limited_velocity(self._wanted)
         if self.barred() is not None or velocity == self._guard.held:
             return
         if self._adapter is not None and self.deadman.armed:

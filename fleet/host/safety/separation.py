@@ -66,7 +66,7 @@ class Occupant(msgspec.Struct, frozen=True):
         return distance_since(self.speed, self.age)
 
     @property
-    def claim(self) -> tuple[Vector3, ...]:
+    def occupied_path(self) -> tuple[Vector3, ...]:
         """Polyline that it occupies: its position and its path."""
         return (self.at, *self.route)
 
@@ -81,7 +81,7 @@ class Occupant(msgspec.Struct, frozen=True):
         """
         speed = self.speed
         if self.route and speed > STILL:
-            line = beginning(self.claim, stopping(speed, self.braking) + speed * late)
+            line = beginning(self.occupied_path, stopping(speed, self.braking) + speed * late)
             aside = self.aside(self.route[0])
             return (self.at, *(point + aside for point in line), *reversed(line)) if aside.norm() else line
         moves = self.velocity.norm() > STILL
@@ -154,7 +154,7 @@ def route_trouble(robot: Occupant, points: Iterable[Vector3], others: Iterable[O
         least = needed(robot, other) + ADMITTED
         for route in routes:
             line = (robot.at, *(point for _, point in route))
-            near = apart(line, other.claim, least) < least
+            near = apart(line, other.occupied_path, least) < least
             if near and (trouble := _step_trouble(robot.at, route, other, least)):
                 return trouble
     return ""
@@ -165,9 +165,9 @@ def _step_trouble(start: Vector3, steps: Sequence[tuple[int, Vector3]], other: O
 
     ``steps`` are the points with their numbers; 0 is not a goal but the end of the robot's momentum.
     """
-    before = apart((start,), other.claim)
+    before = apart((start,), other.occupied_path)
     for number, point in steps:
-        nearest, after = apart((start, point), other.claim), apart((point,), other.claim)
+        nearest, after = apart((start, point), other.occupied_path), apart((point,), other.occupied_path)
         if nearest < min(least, before) - SLACK:
             at_goal = number and after <= nearest + SLACK
             what = f"goal {number}" if at_goal else f"the straight way to goal {max(number, 1)}"

@@ -85,7 +85,7 @@ class RemoteRobot:
         # Only to recognize requests: the worker decodes with the robot's own limits.
         self._decoder = RequestDecoder(config, VerbSpeeds(config.limits).of, planar=False)
         self._ends = (
-            control.answer(keys.state(edge, self.name), self._state_requested),
+            control.declare_queryable(keys.state(edge, self.name), self._state_requested),
             control.watch_tokens(keys.robot(edge, self.name), self._came_or_went),
         )
 

@@ -84,11 +84,13 @@ async def run(task: WorkerTask, directory: Path, parent: int | None) -> int:
         bus.control.subscribe(keys.held(edge), lambda _key, payload: held.apply(payload))
         process.scheduler.every(TELL, held.check)
     reload = Reload(task, process.robots.values, end=ended.set, started_by_hand=parent is None)
-    bus.control.answer(keys.reload(edge, name), reload.requested)
-    bus.control.answer(keys.hold(edge, name), HoldService(process.robots, task.groups, task.folder).requested)
+    bus.control.declare_queryable(keys.reload(edge, name), reload.requested)
+    bus.control.declare_queryable(
+        keys.hold(edge, name), HoldService(process.robots, task.groups, task.folder).requested
+    )
     recall = HistoryService(history)
     if parent is None:  # on another computer, with a history of its own
-        bus.control.answer(keys.history(edge), recall.requested)
+        bus.control.declare_queryable(keys.history(edge), recall.requested)
     # Before the robots start: one that hangs at once is detected too.
     bus.control.token(keys.worker(edge, name))
     beat = bus.control.publisher(keys.heartbeat(edge, name))

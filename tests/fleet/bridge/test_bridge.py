@@ -345,7 +345,7 @@ def test_a_twin_of_an_edge_that_was_there_before_is_left_to_it(bridge, listener)
         )
     wait_until("the claim is noted", lambda: bridge.claims)
     assert bridge.claims == [(TWIN, "yard-0")]
-    bridge.hold(TWIN, "yard-0")
+    bridge.set_holder(TWIN, "yard-0")
     bridge.beat({})
     other = f"cyberwave/twin/{OTHER}/edge_health"
     wait_until("the other twin's is heard", lambda: other in dict(listener.heard))

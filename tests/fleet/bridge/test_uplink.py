@@ -873,7 +873,7 @@ FORGED = EventReport(
 
 def test_nobody_on_the_bus_tells_events_of_our_own_robot_in_the_fleets_name(bench):
     key = f"cw/{TWIN}/data/event"
-    bench.uplink.own([TWIN])
+    bench.uplink.refuse_bus_events([TWIN])
     for number in range(12):
         bench.uplink.arrived(key, encode_report(FORGED, number))
     bench.uplink.arrived(key, b'{"ts": 1, "event_type": "fall", "source": "camera", "data": {}}')

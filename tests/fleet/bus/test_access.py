@@ -223,7 +223,7 @@ def test_each_identity_asks_only_what_it_may(yard, intruder):
 
     for key in REQUEST:
         if "*" not in key:
-            (yard.control if key.startswith("fleet") else yard.reports).answer(key, answer)
+            (yard.control if key.startswith("fleet") else yard.reports).declare_queryable(key, answer)
     wait_until(
         "those that may be asked answer",
         lambda: all(list(bus_session.request(key, b"", timeout=1.0)) for key in may(REQUEST, name)),
@@ -241,7 +241,7 @@ def test_each_identity_answers_only_for_itself(yard, intruder):
         question.close()
 
     for key in ANSWER:
-        bus_session.answer(key, answer)
+        bus_session.declare_queryable(key, answer)
     wait_until(
         "those that may answer do",
         lambda: all(list(yard.control.request(key, b"", timeout=1.0)) for key in may(ANSWER, name)),
@@ -320,7 +320,7 @@ def test_the_sdk_on_another_computer_joins_by_its_certificate(yard, opened, cert
 
 def test_every_key_of_the_fleet_is_given_to_somebody_or_kept():
     """Who adds a key decides here, in PUT, TOKEN, ASK or ANSWER, and in the rules, who may use it."""
-    decided = {"edge", "robot", "claim", "claims", "command", "holders", "places", "state", "worker"}
+    decided = {"edge", "robot", "claim", "claims", "command", "holders", "positions", "state", "worker"}
     decided |= {"heartbeat", "halt", "health", "stop", "held", "video", "history", "description"}
     decided |= {"prepare", "starts", "starting", "schedules"}
     decided |= {

@@ -164,7 +164,7 @@ def test_a_process_with_keys_apart_receives_no_question_to_others(directory, ope
     heard, worker = [], opened(join_control(BusSettings("yard"), directory))
     apart = table_of(worker, apart=True)
     apart.add(keys.command("yard", "arm"), lambda query: (heard.append(query.requested), query.close()))
-    edge.control.answer(keys.command("yard", "rex"), teller("rex"))
+    edge.control.declare_queryable(keys.command("yard", "rex"), teller("rex"))
     wait_until(
         "it is asked", lambda: list(caller.request(keys.command("yard", "arm"), b"", timeout=1.0)) or heard
     )

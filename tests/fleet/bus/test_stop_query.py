@@ -20,7 +20,7 @@ class StartingEdge:
         self.stops = []
 
     def begin(self):
-        self.bus.control.answer(keys.stop("yard-1"), self._stopped)
+        self.bus.control.declare_queryable(keys.stop("yard-1"), self._stopped)
 
     def _stopped(self, question):
         self.stops.append(question.payload)

@@ -71,7 +71,7 @@ def test_a_callback_that_raises_is_logged_and_stops_nobody(edge, caplog):
 def test_what_others_publish_is_gathered_in_order_and_what_we_say_is_not(directory, opened, edge):
     other = opened(join(BusSettings("yard"), directory)).reports
     heard = []
-    edge.reports.gather("a/*", heard.extend)
+    edge.reports.subscribe_batches("a/*", heard.extend)
     edge.reports.put("a/own", b"")
     wait_until("it is heard", lambda: other.put("a/0", b"first") or heard)
     for number in range(3 * AT_ONCE):
@@ -91,7 +91,7 @@ def test_a_gatherer_that_raises_goes_on_and_ends_with_its_lane(directory, opened
         raise RuntimeError("oops")
 
     other = opened(join(BusSettings("yard"), directory))
-    other.reports.gather("a/*", fail)
+    other.reports.subscribe_batches("a/*", fail)
     wait_until("it is heard twice", lambda: edge.reports.put("a/b", b"") or len(heard) > 1)
     other.close()
     assert not threads[0].is_alive()
@@ -105,7 +105,7 @@ def test_a_gatherer_that_is_ended_hears_nothing_more_and_wants_nothing(directory
         heard.extend(samples)
         threads.append(threading.current_thread())
 
-    end = other.reports.gather("a/*", hear)
+    end = other.reports.subscribe_batches("a/*", hear)
     publisher = edge.reports.publisher("a/b")
     wait_until("it is heard", lambda: edge.reports.put("a/b", b"") or heard)
     end()
@@ -117,7 +117,7 @@ def test_a_gatherer_that_is_ended_hears_nothing_more_and_wants_nothing(directory
 def test_a_question_gets_the_answers_of_everybody(directory, opened, edge, caller):
     other = opened(join_control(BusSettings("yard"), directory))
     for bus_session, name in ((edge.control, b"edge"), (other, b"worker")):
-        bus_session.answer(
+        bus_session.declare_queryable(
             "fleet/yard/stop", lambda question, name=name: (question.reply(name), question.close())
         )
     answers = wait_until(
@@ -129,7 +129,7 @@ def test_a_question_gets_the_answers_of_everybody(directory, opened, edge, calle
 
 def test_a_question_may_be_answered_more_than_once_and_later(edge, caller):
     requested = queue.Queue()
-    edge.control.answer("fleet/yard/robots/rex/command", requested.put)
+    edge.control.declare_queryable("fleet/yard/robots/rex/command", requested.put)
     answers = caller.request(
         "fleet/yard/robots/rex/command", b"go", timeout=DEADLINE, parameters={"wait": "1"}
     )
@@ -144,7 +144,7 @@ def test_a_question_may_be_answered_more_than_once_and_later(edge, caller):
 
 def test_a_question_is_out_before_its_answers_are_read(edge, caller):
     requested = queue.Queue()
-    edge.control.answer("a", requested.put)
+    edge.control.declare_queryable("a", requested.put)
     answers = caller.request("a", b"", timeout=DEADLINE)
     requested.get(timeout=DEADLINE).close()
     assert list(answers) == []
@@ -156,14 +156,14 @@ def test_nobody_answers_when_nobody_is_there(caller):
 
 def test_a_question_that_is_never_answered_ends_with_its_time(edge, caller):
     kept = []
-    edge.control.answer("a", kept.append)
+    edge.control.declare_queryable("a", kept.append)
     assert list(caller.request("a", b"", timeout=0.2)) == []
     assert len(kept) == 1
 
 
 def test_an_answer_to_an_asker_who_left_harms_nobody(directory, edge):
     requested, gone = queue.Queue(), threading.Event()
-    edge.control.answer("a", requested.put)
+    edge.control.declare_queryable("a", requested.put)
     asker = join_control(BusSettings("yard"), directory)
     asker.token("asker")
     edge.control.watch_tokens("asker", lambda _key, alive: alive or gone.set())
@@ -178,7 +178,9 @@ def test_an_answer_to_an_asker_who_left_harms_nobody(directory, edge):
 
 def test_asking_later_tells_every_answer_and_the_end(edge, caller):
     answers = queue.Queue()
-    edge.control.answer("a", lambda question: (question.reply(b"1"), question.reply(b"2"), question.close()))
+    edge.control.declare_queryable(
+        "a", lambda question: (question.reply(b"1"), question.reply(b"2"), question.close())
+    )
     caller.request_later("a", b"", timeout=DEADLINE, on_answer=answers.put, on_end=lambda: answers.put("end"))
     assert [answers.get(timeout=DEADLINE) for _ in range(3)] == [b"1", b"2", "end"]
 
@@ -189,7 +191,7 @@ def test_an_answer_that_cannot_be_taken_does_not_keep_the_end_away(edge, caller,
     def fail(_payload):
         raise ValueError("no such reply")
 
-    edge.control.answer("a", lambda question: (question.reply(b"?"), question.close()))
+    edge.control.declare_queryable("a", lambda question: (question.reply(b"?"), question.close()))
     caller.request_later("a", b"", timeout=DEADLINE, on_answer=fail, on_end=ended.set)
     assert ended.wait(DEADLINE)
     assert "no such reply" in caplog.text
@@ -234,7 +236,9 @@ def test_a_worker_reaches_both_lanes(directory, opened, edge):
     worker = opened(join(BusSettings("yard"), directory))
     heard = queue.Queue()
     edge.reports.subscribe("cw/**", lambda *sample: heard.put(sample))
-    edge.control.answer("fleet/yard/health", lambda question: (question.reply(b"ok"), question.close()))
+    edge.control.declare_queryable(
+        "fleet/yard/health", lambda question: (question.reply(b"ok"), question.close())
+    )
     wait_until("the report crosses", lambda: worker.reports.put("cw/x/data/y", b"1") or not heard.empty())
     assert heard.get() == ("cw/x/data/y", b"1")
     answers = wait_until(

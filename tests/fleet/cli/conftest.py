@@ -127,8 +127,8 @@ class PlayedEdge:
         for name, fields in robots.items():
             self.add_robot(name, **fields)
         health = msgspec.json.encode(EdgeState(edge, "1.0", 0.0, 5.0, groups=groups, places=places or {}))
-        self._control.answer(keys.health(edge), self._replier(health))
-        self._control.answer(keys.stop(edge), self._stopped)
+        self._control.declare_queryable(keys.health(edge), self._replier(health))
+        self._control.declare_queryable(keys.stop(edge), self._stopped)
         self._control.token(keys.edge(edge))
         # Who joined before the answers were declared has asked in vain; an edge publishes both every second.
         self._control.put(keys.health(edge), health)
@@ -145,7 +145,7 @@ class PlayedEdge:
             ended = {"emergency_stop": True, "last_command": "emergency_stop", "last_outcome": "done"}
             return msgspec.json.encode(msgspec.structs.replace(state, **ended) if known else state)
 
-        self._control.answer(keys.state(self.edge, name), self._replier(encoded_state))
+        self._control.declare_queryable(keys.state(self.edge, name), self._replier(encoded_state))
         self._states[name] = encoded_state
 
     def publish_state(self, name):
@@ -154,11 +154,11 @@ class PlayedEdge:
 
     def answer_garbage(self, name):
         """Answer for a robot with what is no state."""
-        self._control.answer(keys.state(self.edge, name), self._replier(b"garbage"))
+        self._control.declare_queryable(keys.state(self.edge, name), self._replier(b"garbage"))
 
     def tells(self, key, value):
         """Answer a question on a key with a value."""
-        self._control.answer(key, self._replier(msgspec.json.encode(value)))
+        self._control.declare_queryable(key, self._replier(msgspec.json.encode(value)))
 
     def publish_summary(self, *troubles, site="", robots=None, version="1.0", publish=False):
         """Tell a summary to whoever asks, and publish it once if that is wanted."""
@@ -168,7 +168,7 @@ class PlayedEdge:
         if publish:
             self._control.put(keys.summary(self.edge), encode(summary))
         else:
-            self._control.answer(keys.summary(self.edge), self._replier(encode(summary)))
+            self._control.declare_queryable(keys.summary(self.edge), self._replier(encode(summary)))
         return self
 
     def sees(self, other):
@@ -191,7 +191,7 @@ class PlayedEdge:
                 question.reply(msgspec.json.encode(reply))
             question.close()
 
-        self._control.answer(keys.command(self.edge, name), answer, more=keys.SENDER_SUFFIX)
+        self._control.declare_queryable(keys.command(self.edge, name), answer, more=keys.SENDER_SUFFIX)
         return requested
 
     def answers_late(self, name, *replies):
@@ -202,7 +202,7 @@ class PlayedEdge:
                 question.reply(msgspec.json.encode(reply))
             self._put_off.append((question, msgspec.json.encode(replies[-1])))
 
-        self._control.answer(keys.command(self.edge, name), answer)
+        self._control.declare_queryable(keys.command(self.edge, name), answer)
 
     def answers_together(self, replies):
         """Let robots answer once all of them were asked; returns what they were."""
@@ -218,7 +218,7 @@ class PlayedEdge:
                 one.close()
 
         for name in replies:
-            self._control.answer(keys.command(self.edge, name), answer)
+            self._control.declare_queryable(keys.command(self.edge, name), answer)
         return requested
 
     def _replier(self, answer):

@@ -23,9 +23,9 @@ def yard(play_edge):
             self.requested = []
             self.ahead = 0.0
             control = self.played.bus.control
-            control.answer(keys.starts("yard-1"), self.tell)
+            control.declare_queryable(keys.starts("yard-1"), self.tell)
             for name in ("rex", "beast"):
-                control.answer(keys.prepare("yard-1", name), self.prepare)
+                control.declare_queryable(keys.prepare("yard-1", name), self.prepare)
 
         def tell(self, question):
             answer = StartAnswer("main", time.time() + self.ahead)

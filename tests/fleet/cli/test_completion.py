@@ -25,7 +25,7 @@ def complete(place, play_edge):
         question.reply(msgspec.json.encode(found))
         question.close()
 
-    edge.bus.control.answer(keys.description("yard-1", "kestrel"), tell)
+    edge.bus.control.declare_queryable(keys.description("yard-1", "kestrel"), tell)
 
     def complete(line):
         words = {"COMP_WORDS": line, "COMP_CWORD": str(len(line.split(" ")) - 1)}

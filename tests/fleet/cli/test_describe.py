@@ -28,7 +28,7 @@ def kestrel(play_edge):
         question.reply(msgspec.json.encode(FOUND))
         question.close()
 
-    edge.bus.control.answer(keys.description("yard-1", "kestrel"), tell)
+    edge.bus.control.declare_queryable(keys.description("yard-1", "kestrel"), tell)
 
 
 @pytest.mark.usefixtures("kestrel")
@@ -81,7 +81,7 @@ def test_of_a_group_each_robot_has_one_line_and_one_that_is_silent_hides_no_othe
         question.close()
 
     for name in said:
-        edge.bus.control.answer(keys.description("yard-1", name), tell)
+        edge.bus.control.declare_queryable(keys.description("yard-1", name), tell)
     result = fleet("describe", "all")
     assert result.code == 7
     rows = [" ".join(row.split()) for row in result.out.splitlines()]

@@ -31,7 +31,7 @@ def kestrel(play_edge):
     def spoil(reply):
         return kestrel.spoil(reply) if kestrel.spoil else reply
 
-    edge._control.answer(keys.command("yard-1", "kestrel"), answer)
+    edge._control.declare_queryable(keys.command("yard-1", "kestrel"), answer)
     kestrel = type("Kestrel", (), {"read": read, "spoil": None})()
     return kestrel
 

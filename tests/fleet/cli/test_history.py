@@ -48,7 +48,7 @@ def yard(play_edge):
         question.reply(msgspec.json.encode([record for record in RECORDS if wanted.has(record)]))
         question.close()
 
-    played._control.answer(keys.history("yard-1"), answer)
+    played._control.declare_queryable(keys.history("yard-1"), answer)
     return played
 
 
@@ -134,7 +134,9 @@ def test_who_is_to_be_released_must_be_said(fleet):
 
 def test_a_stop_says_who_asks_and_why(fleet, yard, monkeypatch):
     heard = []
-    yard._control.answer(keys.stop("*"), lambda question: (heard.append(question), question.close()))
+    yard._control.declare_queryable(
+        keys.stop("*"), lambda question: (heard.append(question), question.close())
+    )
     assert fleet("stop", "rex", "--reason", "fire in the hall").code == 0
     cause = cause_in(heard[0].parameters)
     assert (cause.asker.name, cause.reason, cause.asker.proven) == (local_user(), "fire in the hall", False)

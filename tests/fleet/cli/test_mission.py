@@ -35,8 +35,8 @@ class Missions:
         self.story = [RunLogEntry(1000.0, "run begun")]
         self.results = []
         control = edge._control
-        control.answer(keys.mission("yard-1", "*"), self._mission)
-        control.answer(keys.run("yard-1", "*"), self._run)
+        control.declare_queryable(keys.mission("yard-1", "*"), self._mission)
+        control.declare_queryable(keys.run("yard-1", "*"), self._run)
         self.looked = threading.Event()
 
     def _mission(self, question):

@@ -49,7 +49,7 @@ class Rehearsing:
             RehearsalState("7f", seconds=9.4, step="up.1", notes=tuple(notes[:1])),
             RehearsalState("7f", seconds=26.0, step="end", notes=tuple(notes[1:]), result=RESULT),
         ]
-        edge._control.answer(keys.mission("yard-1", "*"), self._answer)
+        edge._control.declare_queryable(keys.mission("yard-1", "*"), self._answer)
 
     def _answer(self, question):
         do, name = question.parameters.get("do"), question.requested.rpartition("/")[2]

@@ -25,7 +25,7 @@ class Answers:
     def __exit__(self, *_):
         pass
 
-    def one(self, key, _kind, _requested, *, within):
+    def request(self, key, _kind, _requested, *, within):
         assert (key, within) == ("fleet/yard-1/changes", changes.APPLY_WITHIN)
         if isinstance(self.answer, Exception):
             raise self.answer

@@ -81,11 +81,11 @@ def test_a_request_to_one_edge_is_tried_over_each_session_until_one_answers():
     edges = Edges({"a": silent, "b": anna, "c": unused}, [])
     anna.answer("fleet/yard/x", b"garbage")
     anna.answer("fleet/yard/x", Reply("x", ReplyStatus.ACCEPTED))
-    assert edges.one("fleet/yard/x", Reply, ScheduleRequest()).ok
+    assert edges.request("fleet/yard/x", Reply, ScheduleRequest()).ok
     assert (silent.requests[0][0], anna.requests[0][0]) == ("fleet/yard/x", "fleet/yard/x/as/person/anna")
     assert unused.requests == []
     with pytest.raises(TimedOut, match="no answer within 3 s on fleet/yard/y"):
-        edges.one("fleet/yard/y", Reply, ScheduleRequest(), within=3.0)
+        edges.request("fleet/yard/y", Reply, ScheduleRequest(), within=3.0)
 
 
 def test_an_answer_that_cannot_be_read_hides_no_other(caplog):

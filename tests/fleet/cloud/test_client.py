@@ -263,7 +263,7 @@ def test_a_codec_that_panics_is_reported_and_does_not_end_the_connecting(broker,
     class PanicException(BaseException):
         """As the codec raises."""
 
-    answered = MqttConnection.answered
+    answered = MqttConnection.wait_ready
     panics = [PanicException("oops")]
 
     async def panic(connection):
@@ -271,7 +271,7 @@ def test_a_codec_that_panics_is_reported_and_does_not_end_the_connecting(broker,
             raise panics.pop()
         await answered(connection)
 
-    monkeypatch.setattr(MqttConnection, "answered", panic)
+    monkeypatch.setattr(MqttConnection, "wait_ready", panic)
     client = watched(broker.port).start()
     client.reaches(DISCONNECTED, "oops")
     client.reaches(CONNECTED)

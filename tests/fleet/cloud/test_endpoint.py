@@ -31,7 +31,7 @@ def opening(monkeypatch, *, dialled=None, secured=None):
         return "socket"
 
     monkeypatch.setattr(endpoint, "dial", raises(dialled) if dialled else connected)
-    monkeypatch.setattr(endpoint, "secure", raises(secured) if secured else connected)
+    monkeypatch.setattr(endpoint, "wrap_tls", raises(secured) if secured else connected)
     with pytest.raises((CloudError, SessionRefused)) as caught:
         asyncio.run(open_socket(settings(port=8884), tls_context(settings())))
     return caught.value
@@ -161,7 +161,7 @@ def test_a_connection_is_secured_only_with_tls(monkeypatch, tls, opened):
         return "secured"
 
     monkeypatch.setattr(endpoint, "dial", dial)
-    monkeypatch.setattr(endpoint, "secure", secure)
+    monkeypatch.setattr(endpoint, "wrap_tls", secure)
     wanted = settings("localhost", tls=tls, port=1)
     assert asyncio.run(open_socket(wanted, tls_context(wanted))) == opened
     assert calls == [("localhost", 1), ("plain", "localhost")][: 1 + tls]

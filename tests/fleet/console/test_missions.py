@@ -27,8 +27,10 @@ class PlayedMissions:
         self.requested = []
         self.answers = {"patrol": Started("3f2a", {"feet": ["rex"]}), "3f2a": Controlled()}
         self.rehearsal = []  # what is told of one, one after the other
-        yard.bus.control.answer("fleet/yard-1/missions/patrol", self._take, more=keys.SENDER_SUFFIX)
-        yard.bus.control.answer("fleet/yard-1/runs/3f2a", self._take, more=keys.SENDER_SUFFIX)
+        yard.bus.control.declare_queryable(
+            "fleet/yard-1/missions/patrol", self._take, more=keys.SENDER_SUFFIX
+        )
+        yard.bus.control.declare_queryable("fleet/yard-1/runs/3f2a", self._take, more=keys.SENDER_SUFFIX)
 
     def _take(self, question):
         name = question.key.rpartition("/")[2]
@@ -62,7 +64,7 @@ def test_missions_that_a_change_of_the_file_adds_and_removes_are_shown_so(serve_
             question.reply(msgspec.json.encode(state), keys.mission("other-1", name))
         question.close()
 
-    yard.bus.control.answer(keys.mission("other-1", "*"), take, more=keys.SENDER_SUFFIX)
+    yard.bus.control.declare_queryable(keys.mission("other-1", "*"), take, more=keys.SENDER_SUFFIX)
     with serve_console(runtime, "changes") as console:
         with console.page() as page:
             page.wait_for("missions", "other-1/sweep")

@@ -62,7 +62,7 @@ def yard(play_edge):
     limits = {"speed": 2.0, "yaw_rate": 1.0}
     yard.description = RobotDescription("rex", "toy", commands, drives=True, goals=True, limits=limits)
     answer = yard._replier(lambda: msgspec.json.encode(yard.description))
-    yard.bus.control.answer("fleet/yard-1/robots/rex/description", answer)
+    yard.bus.control.declare_queryable("fleet/yard-1/robots/rex/description", answer)
     return yard
 
 

@@ -69,7 +69,7 @@ def edge(play_edge):
                 shown = states.pop(0)
         question.answer(msgspec.json.encode(shown))
 
-    yard.bus.control.answer("fleet/yard-1/missions/patrol", answer, more=keys.SENDER_SUFFIX)
+    yard.bus.control.declare_queryable("fleet/yard-1/missions/patrol", answer, more=keys.SENDER_SUFFIX)
     return requested
 
 

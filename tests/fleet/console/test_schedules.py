@@ -26,7 +26,7 @@ def requested(play_edge):
         question.reply(msgspec.json.encode(answer))
         question.close()
 
-    yard.bus.control.answer(keys.schedules("yard-1"), take, more=keys.SENDER_SUFFIX)
+    yard.bus.control.declare_queryable(keys.schedules("yard-1"), take, more=keys.SENDER_SUFFIX)
     return requested
 
 

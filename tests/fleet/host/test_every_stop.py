@@ -44,7 +44,7 @@ class Question:
         self.payload, self.parameters, self.suffix = payload, parameters, suffix
         self.reply, self.close = reply, close
 
-    def divided(self, keys):
+    def split(self, keys):
         """Return the question for each key: there is at most one."""
         for self.key in keys:
             yield self
@@ -65,7 +65,7 @@ class FakeSession:
     def subscribe_noted(self, key, call):
         self.heard.append((key, call))
 
-    def answer(self, key, call, **_options):
+    def declare_queryable(self, key, call, **_options):
         self.takers.append((key, call))
         return lambda: None
 

@@ -27,8 +27,8 @@ def of(kept, run):
 
 def test_a_track_has_a_point_a_second_and_is_on_disk_with_the_run(kept):
     for tenth in range(301):
-        kept.at("r1", "rex", Vector3(tenth / 10, 0.0, 1.0), 1000.0 + tenth / 10)
-    kept.at("r1", "max", None, 1000.0)
+        kept.record_position("r1", "rex", Vector3(tenth / 10, 0.0, 1.0), 1000.0 + tenth / 10)
+    kept.record_position("r1", "max", None, 1000.0)
     (early,) = of(kept, "r1")
     assert early.points == 30, "what was written survives the end of the process"
     kept.end("r1")
@@ -41,7 +41,7 @@ def test_a_track_has_a_point_a_second_and_is_on_disk_with_the_run(kept):
 def test_a_long_track_goes_on_with_fewer_points(kept, monkeypatch):
     monkeypatch.setattr(results, "POINTS", 10)
     for second in range(70):
-        kept.at("r1", "rex", Vector3(), float(second))
+        kept.record_position("r1", "rex", Vector3(), float(second))
     kept.end("r1")
     (track,) = of(kept, "r1")
     assert track.points == 30, "10 at 1 Hz, 10 at 0.5 Hz, 10 at 0.25 Hz"
@@ -50,8 +50,8 @@ def test_a_long_track_goes_on_with_fewer_points(kept, monkeypatch):
 def test_pictures_are_kept_up_to_their_bound(kept, monkeypatch):
     monkeypatch.setattr(results, "PICTURES", 2)
     for _ in range(3):
-        kept.picture("r1", "rex", b"jpeg", "jpeg", 1000.0)
-    kept.picture("r2", "rex", b"", "../../sh", 1000.0)
+        kept.store_picture("r1", "rex", b"jpeg", "jpeg", 1000.0)
+    kept.store_picture("r2", "rex", b"", "../../sh", 1000.0)
     found = of(kept, "r1")
     assert [(each.kind, each.robot, each.bytes) for each in found] == [("picture", "rex", 4)] * 2
     assert of(kept, "r2") == []
@@ -61,7 +61,7 @@ def test_the_results_of_the_oldest_runs_are_deleted(kept, tmp_path, monkeypatch)
     monkeypatch.setattr(results, "RUNS", 2)
     for number in range(4):
         run = f"r{number}"
-        kept.at(run, "rex", Vector3(), 1.0)
+        kept.record_position(run, "rex", Vector3(), 1.0)
         kept.end(run)
         of(kept, run)
         for folder in (tmp_path / "results").iterdir():  # as if it were written a while ago
@@ -76,7 +76,7 @@ def test_the_results_of_the_oldest_runs_are_deleted(kept, tmp_path, monkeypatch)
 def test_a_disk_that_cannot_be_written_is_reported_and_holds_up_nobody(tmp_path, caplog):
     (tmp_path / "results").write_text("no folder")
     kept = Results(tmp_path)
-    kept.at("r1", "rex", Vector3(), 1.0)
+    kept.record_position("r1", "rex", Vector3(), 1.0)
     kept.end("r1")
     kept.close()
     assert "results of missions cannot be kept" in caplog.text

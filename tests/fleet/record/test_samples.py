@@ -104,7 +104,7 @@ def test_fence_and_body_of_a_robot_and_schedules_are_recorded_when_they_change(r
         ("/yard-1/schedules", "fleet.ScheduleAnswer")
     ]
     assert recorded_as(reader, listed, schedules(enabled=True)) == []
-    standing = {each.topic: json.loads(each.payload) for each in reader.standing}
+    standing = {each.topic: json.loads(each.payload) for each in reader.persistent_values}
     assert standing.keys() == {"/yard-1/rex/description", "/yard-1/schedules"}
     assert standing["/yard-1/rex/description"]["fence"]["inclusion"][0][1] == [2.0, 0.0]
     assert standing["/yard-1/rex/description"]["commands"] == []

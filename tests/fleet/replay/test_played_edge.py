@@ -32,7 +32,7 @@ class Bus:
     def put(self, key, payload):
         self.puts[key] = payload
 
-    def answer(self, key, call):
+    def declare_queryable(self, key, call):
         self.answers[key] = call
 
     def token(self, key):

@@ -31,7 +31,7 @@ async def test_a_new_bundle_is_installed_applied_and_reported(yard):
     assert (report.stage, report.bundle, report.running) == (BundleStage.DONE, address, address)
     assert report.lines == ("rex: settings only: done",)
     assert yard.here.applied == [b"version 2 "]
-    await yard.agent.turn()
+    await yard.agent.poll()
     assert len(yard.here.applied) == 1, "what is done is done once"
 
 
@@ -39,8 +39,8 @@ async def test_a_change_of_a_flying_robot_is_reported_as_waiting_until_it_rests(
     yard.here.outcomes = [MOVES, MOVES]
     await yard.want(2)
     assert ((await yard.report()).stage, (await yard.report()).why) == (BundleStage.WAITING, MOVES.waits)
-    await yard.agent.turn()
-    await yard.agent.turn()
+    await yard.agent.poll()
+    await yard.agent.poll()
     assert (await yard.report()).stage is BundleStage.DONE
     assert len(yard.here.applied) == 3
 
@@ -86,7 +86,7 @@ async def test_a_rollback_that_has_to_wait_continues_until_it_is_complete(yard):
     await yard.want(2)
     assert (await yard.report()).stage is BundleStage.RETURNING
     assert yard.text == "version 1"
-    await yard.agent.turn()
+    await yard.agent.poll()
     report = await yard.report()
     assert (report.stage, report.why) == (BundleStage.FAILED, "rex: no answer")
 
@@ -106,7 +106,7 @@ async def test_a_waiting_bundle_is_rolled_back_before_another_one_is_considered(
     await yard.want(3)
     await yard.want(2, rollout="r2")
     assert ((await yard.report()).stage, yard.text) == (BundleStage.WITHDRAWN, "version 1")
-    await yard.agent.turn()
+    await yard.agent.poll()
     report = await yard.report()
     assert (report.rollout, report.stage, report.running) == ("r2", BundleStage.REFUSED, yard.first)
     assert yard.here.applied[-1] == b"version 1 "
@@ -121,11 +121,11 @@ async def test_a_silent_store_interrupts_no_bundle_in_progress(yard):
     yard.here.outcomes = [MOVES]
     await yard.want(2)
     yard.store.silent = True
-    await yard.agent.turn()
+    await yard.agent.poll()
     assert yard.agent.problem == "the store of roll-outs does not answer"
     assert yard.agent.record.stage is BundleStage.DONE
     yard.store.silent = False
-    await yard.agent.turn()
+    await yard.agent.poll()
     assert (yard.agent.problem, (await yard.report()).stage) == ("", BundleStage.DONE)
 
 
@@ -142,7 +142,7 @@ async def test_an_agent_that_is_killed_half_way_continues_from_its_disk(yard, be
     assert yard.text == ("version 1" if before == "the link" else "version 2")
     monkeypatch.undo()
     yard.start()
-    await yard.agent.turn()
+    await yard.agent.poll()
     assert ((await yard.report()).stage, yard.text) == (BundleStage.DONE, "version 2")
 
 
@@ -153,10 +153,10 @@ async def test_changed_code_is_reloaded_and_a_file_that_only_a_start_reads_waits
     report = await yard.report()
     assert (report.stage, yard.here.reloaded) == (BundleStage.WAITING, ["puppet"])
     assert report.why == "restart the edge: only its start reads bodies/rex.yaml"
-    await yard.agent.turn()
+    await yard.agent.poll()
     assert yard.here.reloaded == ["puppet"], "once"
     yard.here.state = Running("ok", "", yard.clock.time() + 1.0)
-    await yard.agent.turn()
+    await yard.agent.poll()
     assert (await yard.report()).stage is BundleStage.DONE
 
 
@@ -251,7 +251,7 @@ async def test_an_attempt_is_refused_recorded_and_changes_nothing(yard, attempt)
     assert yard.installation.record().refusals[-1].why == report.why
     assert yard.installation.current == yard.installation.record().running
     applied = len(yard.here.applied)
-    await yard.agent.turn()
+    await yard.agent.poll()
     assert len(yard.here.applied) == applied, "it is not tried again"
 
 
@@ -307,7 +307,7 @@ async def live(yard, story):
                 await yard.store.put_desired("yard-1", DesiredState(f"r{number}", last, 1, withdrawn=True))
             elif what == "silent":
                 yard.store.silent = value
-            await yard.agent.turn()
+            await yard.agent.poll()
         except Killed:
             yard.start()
         finally:
@@ -315,7 +315,7 @@ async def live(yard, story):
     yard.store.silent, yard.here.outcomes = False, []
     yard.start()
     for _ in range(4):
-        await yard.agent.turn()
+        await yard.agent.poll()
 
 
 @settings(max_examples=60)

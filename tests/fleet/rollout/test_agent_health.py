@@ -76,7 +76,7 @@ async def test_a_restarted_agent_compares_with_the_faults_before_the_bundle(yard
     await yard.want(2)
     yard.start()
     yard.here.state = Running("degraded", "", 0.0, (MOTOR,))
-    await yard.agent.turn()
+    await yard.agent.poll()
     assert (await yard.report()).why == "rex is fault, was ok: motor 3"
 
 
@@ -86,7 +86,7 @@ async def test_with_the_record_of_an_older_version_the_health_of_the_whole_edge_
     yard.installation.save_record(msgspec.structs.replace(yard.installation.record(), faults=None))
     yard.start()
     yard.here.state = Running("fault", "rex: motor 3", 0.0, (MOTOR,))
-    await yard.agent.turn()
+    await yard.agent.poll()
     assert (await yard.report()).why == "the edge is fault, was ok: rex: motor 3"
 
 
@@ -94,7 +94,7 @@ async def test_an_edge_that_was_down_must_come_up_able_to_work(yard):
     yard.here.state, yard.here.outcomes = None, [WAITS]
     await yard.want(2)
     yard.here.state = Running("fault", "rex: motor 3", yard.clock.time() + 1.0)
-    await yard.agent.turn()
+    await yard.agent.poll()
     report = await yard.report()
     assert (report.stage, yard.text) == (BundleStage.FAILED, "version 1")
     assert report.why == "the edge is fault, did not run before: rex: motor 3"
@@ -109,10 +109,10 @@ async def test_an_edge_that_dies_with_the_bundle_and_stays_away_rolls_back(yard)
     await yard.want(2)
     assert (await yard.report()).stage is BundleStage.WAITING
     yard.clock.advance(GONE_FOR - 1.0)
-    await yard.agent.turn()
+    await yard.agent.poll()
     assert (await yard.report()).stage is BundleStage.WAITING
     yard.clock.advance(1.0)
-    await yard.agent.turn()
+    await yard.agent.poll()
     report = await yard.report()
     assert (report.stage, yard.text) == (BundleStage.FAILED, "version 1")
     assert "has been gone for 60 s" in report.why
@@ -122,5 +122,5 @@ async def test_an_edge_that_did_not_run_before_is_waited_for(yard):
     yard.here.state, yard.here.outcomes = None, [WAITS] * 9
     await yard.want(2)
     yard.clock.advance(10 * GONE_FOR)
-    await yard.agent.turn()
+    await yard.agent.poll()
     assert (await yard.report()).stage is BundleStage.WAITING

@@ -63,7 +63,7 @@ class Fleet:
         self.clock.advance(seconds)
         for agent, _ in self.edges.values():
             if agent.record.rollout or agent._edge in self.store.desired_of:
-                await agent.turn()
+                await agent.poll()
 
     def fails(self, names, **how):
         for name in names:
@@ -171,7 +171,7 @@ async def test_an_edge_that_comes_back_when_it_is_overdue_installs_nothing(fleet
     await fleet.driver.begin(rollout_of(dict.fromkeys(EDGES, fleet.new), within=30.0))
     progress = (await fleet.driver.drive()).progress
     assert (progress.phase, progress.statuses) == (RolloutPhase.STOPPED, {"edge-000": EdgeStatus.OVERDUE})
-    await agent.turn()
+    await agent.poll()
     assert (agent.record.running, here.applied) == (fleet.old, [])
 
 
@@ -188,7 +188,7 @@ async def test_an_overdue_edge_rolls_back_while_the_roll_out_continues(fleet):
 async def test_withdrawals_are_written_again_after_an_interrupted_end(fleet, how):
     fleet.fails(EDGES, outcomes=[ApplyResult(waits="rex: it is armed")])
     await fleet.begin(waves="10,100%")
-    await fleet.driver.turn()
+    await fleet.driver.poll()
     await fleet.sleep(1.0)
     put_desired = fleet.store.put_desired
 
@@ -241,7 +241,7 @@ async def test_after_a_driver_detaches_another_one_drives_to_the_end(fleet, afte
 async def test_an_abort_rolls_back_edges_that_are_not_done(fleet):
     fleet.fails(EDGES, outcomes=[ApplyResult(waits="rex: it is armed")])
     await fleet.begin(waves="10,100%")
-    await fleet.driver.turn()
+    await fleet.driver.poll()
     await fleet.sleep(1.0)
     ended = await fleet.driven().abort("bob")
     await fleet.settle()
@@ -261,12 +261,12 @@ async def test_only_one_roll_out_and_one_driver_at_a_time(fleet):
     async def then_another_steps():
         found = await first()
         fleet.store.rollout = first
-        await other.turn()
+        await other.poll()
         return found
 
     fleet.store.rollout = then_another_steps
     with pytest.raises(StoreError, match="changed meanwhile"):
-        await fleet.driver.turn()
+        await fleet.driver.poll()
 
 
 @pytest.mark.parametrize("edges", [EDGES[:20]], ids=["twenty"])
@@ -303,7 +303,7 @@ async def test_a_report_of_an_old_roll_out_is_ignored(fleet):
     await fleet.roll_out()
     wanted = rollout_of(dict.fromkeys(EDGES, fleet.new))
     await fleet.driver.begin(msgspec.structs.replace(wanted, id="r2"))
-    rollout, _ = await fleet.driver.turn()
+    rollout, _ = await fleet.driver.poll()
     assert rollout.progress.statuses == {"edge-000": EdgeStatus.OPEN}
-    rollout, _ = await fleet.driver.turn()
+    rollout, _ = await fleet.driver.poll()
     assert rollout.progress.statuses == {"edge-000": EdgeStatus.OPEN}

@@ -298,7 +298,7 @@ async def test_a_roll_out_to_a_hundred_fake_edges_on_one_server_stops_in_time(tm
                 task.cancel()
             ended, _ = await asyncio.wait(looking, timeout=1.0)
         for agent in agents.values():
-            await agent.turn()  # withdrawn bundles are rolled back
+            await agent.poll()  # withdrawn bundles are rolled back
         for agent in agents.values():
             await agent._store.close()
         await fleet.close()

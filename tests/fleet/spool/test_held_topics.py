@@ -63,7 +63,7 @@ def test_a_topic_that_is_heard_again_has_all_others_tried_at_once(held):
         held.unsubscribed(second, 0.0)
         held.due(60.0)
     held.unsubscribed(second, 60.0)
-    held.heard(first, 61.0)
+    held.record_subscriber(first, 61.0)
     assert (first.state, first.unsubscribed, second.retry) == (OPEN, 0, 61.0)
     assert held.due(61.0) == [second]
     held.unsubscribed(first, 62.0)
@@ -73,8 +73,8 @@ def test_a_topic_that_is_heard_again_has_all_others_tried_at_once(held):
 def test_a_topic_that_was_heard_all_along_says_nothing_about_others(held):
     deaf, new, known = queue("deaf"), queue("new"), queue("known", OPEN)
     held.unsubscribed(deaf, 0.0)
-    held.heard(new, 0.1)
-    held.heard(known, 0.1)
+    held.record_subscriber(new, 0.1)
+    held.record_subscriber(known, 0.1)
     assert (new.state, known.state, deaf.retry) == (OPEN, OPEN, 1.0)
 
 
@@ -82,7 +82,7 @@ def test_an_answer_for_a_held_topic_leads_to_a_probe_not_to_a_burst(held):
     """Its other messages in flight may still come back."""
     deaf = queue()
     held.unsubscribed(deaf, 0.0)
-    held.heard(deaf, 0.1)
+    held.record_subscriber(deaf, 0.1)
     assert deaf.state is PROBE
     assert held.due(0.1) == [deaf]
     assert deaf.state is PROBE

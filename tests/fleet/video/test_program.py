@@ -21,7 +21,7 @@ class FakeSession:
         self.calls = {}
         self.put_samples = []
 
-    def answer(self, key, call):
+    def declare_queryable(self, key, call):
         self.calls[key] = call
 
     def subscribe(self, key, call):

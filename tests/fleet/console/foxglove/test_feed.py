@@ -94,7 +94,7 @@ def address(runtime, served):
 def edge(runtime):
     """Open the bus of an edge; what it is asked, it does not answer."""
     bus = open_edge(BusSettings("yard-1"), runtime)
-    bus.control.answer(
+    bus.control.declare_queryable(
         keys.state("yard-1", "rex"),
         lambda query: query.answer(
             json.dumps(

@@ -450,7 +450,7 @@ async def test_an_edge_of_an_older_fleet_is_named_in_one_line(yard, fleet):
             question.reply(state)
             question.close()
 
-        bus.control.answer(keys.health(place.id), requested)
+        bus.control.declare_queryable(keys.health(place.id), requested)
         code, _, err = await fleet("apply", str(place.file))
     assert (code, len(err.splitlines())) == (6, 1)
     assert "it runs fleet 0.1.0" in err

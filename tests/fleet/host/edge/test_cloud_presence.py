@@ -24,7 +24,7 @@ class Bridge:
         topics = tuple(twin for twin in ("t1", "t2") if twin not in self.held)
         return DisconnectPlan(CloudSettings(host="broker", client_id="us"), "session", topics)
 
-    def hold(self, twin, holder):
+    def set_holder(self, twin, holder):
         if holder == self.held.get(twin, ""):
             return False
         self.held = {other: one for other, one in self.held.items() if other != twin}
@@ -53,7 +53,7 @@ def test_a_supervisor_has_the_messages_for_all_twins_that_are_served():
 def test_the_death_of_an_edge_says_nothing_of_a_twin_that_it_left_until_it_has_it_again():
     bench = Bench()
     for twin, holder in (("t1", "barn"), ("t1", "barn"), ("t1", "attic"), ("t1", ""), ("t1", "")):
-        bench.presence.hold(twin, holder)
+        bench.presence.set_holder(twin, holder)
     assert bench.notices == [("t2",), ("t2",), ("t1", "t2")]
 
 

@@ -82,7 +82,7 @@ class Barn:
         )
         self.coordinators.declare(self, self.timers.__setitem__)
 
-    def answer(self, key, handler):
+    def declare_queryable(self, key, handler):
         self.served[key] = handler
 
     def settle(self):

@@ -358,7 +358,7 @@ async def test_a_stop_of_a_group_that_cannot_be_taken_over_reaches_its_old_and_i
 
 async def test_a_stop_while_a_robot_is_taken_out_is_set_when_it_is_back(yard_of_two, monkeypatch):
     field = yard_of_two
-    before, ended = field.robots, membership.ended
+    before, ended = field.robots, membership.end_run
 
     async def stopped_meanwhile(process, robot):
         trouble = await ended(process, robot)
@@ -367,7 +367,7 @@ async def test_a_stop_while_a_robot_is_taken_out_is_set_when_it_is_back(yard_of_
 
     field.remove("rex")
     with monkeypatch.context() as patch:
-        patch.setattr(membership, "ended", stopped_meanwhile)
+        patch.setattr(membership, "end_run", stopped_meanwhile)
         assert (await field.apply())["rex"].outcome is Outcome.DONE
     assert field.state("max").emergency_stop
     field.put(before)
@@ -399,8 +399,8 @@ async def test_a_robot_whose_adapter_does_not_end_is_not_run_a_second_time(yard_
         robot.runner.leftover = robot.runner
         return "its adapter does not end"
 
-    ended = membership.ended
-    monkeypatch.setattr(membership, "ended", not_ended)
+    ended = membership.end_run
+    monkeypatch.setattr(membership, "end_run", not_ended)
     field.remove("rex")
     done = (await field.apply())["rex"]
     assert (done.outcome, "does not end" in done.why) == (Outcome.FAILED, True)

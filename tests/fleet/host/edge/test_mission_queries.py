@@ -59,7 +59,7 @@ class Edge:
         }
         MissionQueries("yard", self, known, **parts, soon=self.loop.append).declare()
 
-    def answer(self, key, call, *, more):
+    def declare_queryable(self, key, call, *, more):
         assert more == keys.SENDER_SUFFIX
         self.answers[key] = call
 

@@ -30,7 +30,7 @@ class Bus:
     def __init__(self):
         self.answers, self.subscriptions, self.puts = [], {}, []
 
-    def answer(self, key, _call, *, more=""):
+    def declare_queryable(self, key, _call, *, more=""):
         self.answers.append(key)
 
     def subscribe_many(self, pattern, calls):

@@ -113,7 +113,7 @@ class Pair:
         self.answers = {}
         self.process = SimpleNamespace(
             robots={"rex": robot},
-            bus=SimpleNamespace(control=SimpleNamespace(answer=self.answers.__setitem__)),
+            bus=SimpleNamespace(control=SimpleNamespace(declare_queryable=self.answers.__setitem__)),
             clock=self.clock,
             holders=SimpleNamespace(changed=lambda *shown: self.holders.append(shown)),
             claims=SimpleNamespace(pair=frozenset()),

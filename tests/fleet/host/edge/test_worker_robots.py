@@ -30,7 +30,7 @@ class Bus:
     def subscribe_many(self, pattern, calls):
         self.subscriptions.append((pattern, calls))
 
-    def answer(self, key, _call):
+    def declare_queryable(self, key, _call):
         return lambda: self.ended.append(key)
 
     def watch_tokens(self, key, _call):

@@ -24,7 +24,7 @@ class CountingSession:
     def __init__(self):
         self.queryables, self.tokens, self.history = [], [], []
 
-    def answer(self, key, _call, *, more=""):
+    def declare_queryable(self, key, _call, *, more=""):
         return self._kept(self.queryables, key, more)
 
     def token(self, key):
@@ -94,13 +94,13 @@ async def test_the_token_that_shows_a_robot_comes_last_and_goes_first(make):
 async def test_an_edge_takes_the_queries_to_all_robots_only_while_it_has_all(
     yard, run_edge, requests, monkeypatch, alone
 ):
-    declared, answer = [], ZenohSession.answer
+    declared, answer = [], ZenohSession.declare_queryable
 
     def counted(session, key, call, **more):
         declared.append(key)
         return answer(session, key, call, **more)
 
-    monkeypatch.setattr(ZenohSession, "answer", counted)
+    monkeypatch.setattr(ZenohSession, "declare_queryable", counted)
     place = yard(rex=HERE, max=HERE if alone else {"worker": "arms"})
     edge = place.edge()
     async with run_edge(edge):

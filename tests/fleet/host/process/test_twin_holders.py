@@ -80,15 +80,15 @@ async def test_the_twins_of_all_robots_are_claimed_and_none_runs_before_it_is_kn
 
 
 async def test_a_robot_whose_twin_another_edge_has_is_suspended_and_told_why(bench):
-    bench.holders.hold_on_the_bus(TWIN, "barn")
+    bench.holders.set_bus_holder(TWIN, "barn")
     assert (bench.said, bench.changed) == ([("rex", BARN)], [(TWIN, "barn")])
-    bench.holders.hold_on_the_bus(TWIN, "")
+    bench.holders.set_bus_holder(TWIN, "")
     assert (bench.said, bench.changed[1:]) == ([("rex", "")], [(TWIN, "")])
 
 
 @pytest.mark.parametrize("first", ["bus", "cloud"])
 async def test_it_runs_again_only_when_neither_bus_nor_cloud_shows_another_holder(bench, first):
-    hold = {"bus": bench.holders.hold_on_the_bus, "cloud": bench.holders.hold_in_the_cloud}
+    hold = {"bus": bench.holders.set_bus_holder, "cloud": bench.holders.set_cloud_holder}
     second = "cloud" if first == "bus" else "bus"
     hold[first](TWIN, "barn")
     hold[second](TWIN, "barn")
@@ -100,7 +100,7 @@ async def test_it_runs_again_only_when_neither_bus_nor_cloud_shows_another_holde
 
 
 async def test_a_twin_that_no_robot_of_this_process_has_is_only_passed_on(bench):
-    bench.holders.hold_on_the_bus("unknown", "barn")
+    bench.holders.set_bus_holder("unknown", "barn")
     assert (bench.said, bench.changed) == ([], [("unknown", "barn")])
 
 
@@ -121,7 +121,7 @@ async def test_a_claim_that_only_the_cloud_shows_takes_no_robot_that_is_in_use(b
 
 @pytest.mark.parametrize("payload", [b"", b"no json", b"[]", b'{"6f0c9a1e": 7}'])
 async def test_a_message_that_cannot_be_read_changes_nothing(bench, payload, caplog):
-    bench.holders.hold_in_the_cloud(TWIN, "barn")
+    bench.holders.set_cloud_holder(TWIN, "barn")
     bench.runs.said.clear()
     assert await bench.reads(payload) == []
     assert "the holders of our twins cannot be read" in caplog.text
@@ -130,15 +130,15 @@ async def test_a_message_that_cannot_be_read_changes_nothing(bench, payload, cap
 async def test_a_robot_that_may_run_again_runs_by_what_is_known(bench):
     bench.holders.update(bench.robots["rex"])
     assert bench.said == [], "nothing is known yet"
-    bench.holders.hold_on_the_bus(TWIN, "")
-    bench.holders.hold_in_the_cloud(TWIN, "barn")
+    bench.holders.set_bus_holder(TWIN, "")
+    bench.holders.set_cloud_holder(TWIN, "barn")
     bench.runs.said.clear()
     bench.holders.update(bench.robots["rex"])
     assert bench.said == [("rex", BARN)]
 
 
 async def test_what_is_known_of_a_twin_ends_with_the_last_robot_that_had_it(bench):
-    bench.holders.hold_in_the_cloud(TWIN, "barn")
+    bench.holders.set_cloud_holder(TWIN, "barn")
     bench.runs.said.clear()
     bench.holders.give_up(TWIN)
     assert bench.holders.claims.given_up == [TWIN]

@@ -168,7 +168,7 @@ async def test_a_program_on_the_bus_is_reached_from_the_edge_and_from_a_worker(
         await asyncio.to_thread(wait_until, "a status", lambda: not send("start_video").ok and statuses)
         nobody = await asyncio.to_thread(send, "start_video")
         assert (nobody.ok, nobody.hint) == (False, "start one on the robot's computer: fleet video rex")
-        edge.bus.control.answer(keys.video(place.id, "rex"), answer)
+        edge.bus.control.declare_queryable(keys.video(place.id, "rex"), answer)
         await asyncio.to_thread(wait_until, "the program is known", lambda: send("start_video").ok)
         assert (await asyncio.to_thread(send, "stop_video")).ok
         await asyncio.to_thread(

@@ -425,7 +425,7 @@ async def test_a_robot_is_halted_and_run_again_though_whoever_watches_its_health
         raise ZeroDivisionError("oops")
 
     monkeypatch.setattr(
-        runners, "RunHealth", lambda log, **_: AdapterHealth(log, changed=fail, level_changed=fail)
+        runners, "AdapterHealth", lambda log, **_: AdapterHealth(log, changed=fail, level_changed=fail)
     )
     one, end = await moving(stage, requests, bench)
     end.set()

@@ -77,7 +77,9 @@ async def test_a_velocity_that_an_emergency_stop_of_another_thread_overtakes_is_
         assert not bench.request(requests.setpoint(1.0))[0].ok
     else:
         bench.controller.emergency("by a thread")
-        monkeypatch.setattr(bench.controller.guard, "within", lambda _velocity: Velocity(Vector3(0.3)))
+        monkeypatch.setattr(
+            bench.controller.guard, "limited_velocity", lambda _velocity: Velocity(Vector3(0.3))
+        )
         bench.controller.reapply_velocity()
     assert bench.adapter.calls[-1] == "halt"
 

@@ -59,7 +59,7 @@ def test_what_one_process_tells_another_knows_in_its_own_frame(clock):
     theirs.set_world_origin(_beside(SITE, 30.0, 40.0))
     mine.observe(Pose())
     theirs.observe(Pose(Vector3(0.0, 0.0, 7.0)))
-    here.receive(there.sheet(), "")
+    here.receive(there.positions_message(), "")
     (other,) = here.others("rex")
     assert (other.name, other.at.x, other.at.y, other.at.z) == (
         "drone",
@@ -78,11 +78,13 @@ def test_a_process_that_falls_silent_leaves_its_robots_where_they_were_and_older
     here, there = RobotPositions(SITE, NAMES, clock), RobotPositions(SITE, NAMES, clock)
     joined(here, clock, "rex", (0.0, 0.0, 0.0)).observe(Pose())
     joined(there, clock, "ugv", (3.0, 0.0, 0.0)).observe(Pose())
-    here.receive(there.sheet(), "")
+    here.receive(there.positions_message(), "")
     clock.advance(60.0)
     (other,) = here.others("rex")
     assert (other.at.x, other.age) == (3.0, 60.0)
-    here.receive(RobotPositions(SITE, NAMES, clock).sheet(), "")  # it was started anew and knows nothing yet
+    here.receive(
+        RobotPositions(SITE, NAMES, clock).positions_message(), ""
+    )  # it was started anew and knows nothing yet
     assert [robot.name for robot in here.others("rex")] == ["ugv"]
 
 
@@ -125,11 +127,11 @@ def test_what_is_known_follows_every_change_at_once(clock):
     said = [traffic.unknown("rex")]
     for change in (
         lambda: ugv.observe(Pose()),
-        lambda: (drone.observe(Pose()), traffic.receive(there.sheet(), "")),
-        lambda: (drone.observe(Pose(Vector3(40.0))), traffic.receive(there.sheet(), "")),
+        lambda: (drone.observe(Pose()), traffic.receive(there.positions_message(), "")),
+        lambda: (drone.observe(Pose(Vector3(40.0))), traffic.receive(there.positions_message(), "")),
         lambda: ugv.lose_placement("it was carried away"),
         lambda: traffic.leave("ugv"),
-        lambda: (there.leave("drone"), traffic.receive(there.sheet(), "", process=MAIN)),
+        lambda: (there.leave("drone"), traffic.receive(there.positions_message(), "", process=MAIN)),
         lambda: traffic.expect("dog"),
     ):
         change()
@@ -179,7 +181,7 @@ def test_nobody_else_can_tell_where_a_robot_of_this_process_is(clock):
     traffic, liar = RobotPositions(SITE, NAMES, clock), RobotPositions(SITE, NAMES, clock)
     joined(traffic, clock, "rex", (0.0, 0.0, 0.0)).observe(Pose())
     joined(liar, clock, "rex", (50.0, 0.0, 0.0)).observe(Pose())
-    traffic.receive(liar.sheet(), "")
+    traffic.receive(liar.positions_message(), "")
     assert traffic.one("rex").at == Vector3()
 
 
@@ -195,7 +197,7 @@ def test_a_partner_s_robot_is_known_in_the_frame_of_the_own_site(clock):
     joined(yard, clock, "rex", (0.0, 0.0, 0.0)).observe(Pose())
     joined(barn, clock, "ugv", (1.0, 2.0, 0.0)).observe(Pose())
     assert yard.unknown("rex") == "unknown to ugv"
-    yard.receive(barn.sheet(), "barn")
+    yard.receive(barn.positions_message(), "barn")
     (other,) = yard.others("rex")
     assert (other.at.x, other.at.y) == (pytest.approx(31.0, abs=0.01), pytest.approx(42.0, abs=0.01))
     assert not yard.alone
@@ -209,7 +211,7 @@ def test_a_partner_s_robot_on_earth_is_known_without_any_site(clock):
     theirs.set_world_origin(_beside(SITE, 3.0, 4.0))
     mine.observe(Pose())
     theirs.observe(Pose())
-    yard.receive(barn.sheet(), "barn")
+    yard.receive(barn.positions_message(), "barn")
     (other,) = yard.others("rex")
     assert (other.at.x, other.at.y) == (pytest.approx(3.0, abs=0.01), pytest.approx(4.0, abs=0.01))
 
@@ -219,7 +221,7 @@ def test_a_partner_s_robot_that_only_its_edge_can_place_is_unknown(clock, yard_s
     yard, barn = two_edges(clock, yard_site, barn_site)
     joined(yard, clock, "rex", (0.0, 0.0, 0.0)).observe(Pose())
     joined(barn, clock, "ugv", (1.0, 2.0, 0.0)).observe(Pose())
-    yard.receive(barn.sheet(), "barn")
+    yard.receive(barn.positions_message(), "barn")
     assert yard.others("rex") == []
     assert yard.unknown("rex") == "unknown to ugv"
 
@@ -228,7 +230,7 @@ def test_an_edge_tells_only_where_its_own_robots_are(clock):
     yard, barn = two_edges(clock, SITE, SITE)
     joined(yard, clock, "rex", (0.0, 0.0, 0.0)).observe(Pose())
     joined(barn, clock, "ugv", (1.0, 2.0, 0.0)).observe(Pose())
-    yard.receive(barn.sheet(), "shed")
+    yard.receive(barn.positions_message(), "shed")
     assert yard.others("rex") == []
 
 
@@ -271,16 +273,16 @@ async def test_robots_in_workers_are_judged_against_each_other_too(yard, run_edg
 def test_a_robot_that_another_process_has_no_more_is_forgotten_and_one_that_is_new_is_known(clock):
     here, there = (RobotPositions(SITE, ("rex",), clock, edge="yard") for _ in range(2))
     joined(there, clock, "ada", (3.0, 0.0, 0.0)).observe(Pose())
-    sheet = there.sheet()
+    sheet = there.positions_message()
     here.receive(sheet, "yard", "limbs")
     assert here.one("ada").at.x == 3.0
     there.leave("ada")
-    here.receive(there.sheet(), "yard", "legs")
+    here.receive(there.positions_message(), "yard", "legs")
     assert here.one("ada") is not None, "only who told of it, or the edge's own process, takes it back"
-    here.receive(there.sheet(), "yard", "main")
+    here.receive(there.positions_message(), "yard", "main")
     assert here.one("ada") is None
     assert here.alone
     here.receive(sheet, "yard", "limbs")
     assert here.one("ada") is not None, "it was added again"
-    here.receive(there.sheet(), "yard", "limbs")
+    here.receive(there.positions_message(), "yard", "limbs")
     assert here.one("ada") is None

@@ -33,7 +33,7 @@ class Guard:
     def __init__(self):
         self.held, self.taken, self.unknown = ZERO_VELOCITY, True, None
 
-    def within(self, velocity):
+    def limited_velocity(self, velocity):
         if self.unknown is not None:
             raise self.unknown
         return velocity

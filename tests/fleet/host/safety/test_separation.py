@@ -65,8 +65,8 @@ def test_the_speed_within_a_way_is_that_whose_stop_takes_it(speed, braking):
 @given(ROBOT, st.lists(POINT, min_size=1, max_size=4), OTHER)
 def test_no_way_that_is_admitted_comes_nearer_than_the_radii_or_than_it_begins(robot, points, other):
     trouble = route_trouble(robot, points, [other])
-    nearest = apart((robot.at, *points), other.claim)
-    begins = apart((robot.at,), other.claim)
+    nearest = apart((robot.at, *points), other.occupied_path)
+    begins = apart((robot.at,), other.occupied_path)
     if not trouble:
         assert nearest >= min(needed(robot, other) + ADMITTED, begins) - 0.05
     else:

@@ -60,7 +60,7 @@ class Bench:
                 question.reply(answer if isinstance(answer, bytes) else msgspec.json.encode(answer))
             question.close()
 
-        self.bus_session.answer(keys.command("yard", "rex"), work)
+        self.bus_session.declare_queryable(keys.command("yard", "rex"), work)
         return requested
 
     def request(self, payload, kind="command", **fields):
