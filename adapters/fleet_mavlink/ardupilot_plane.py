@@ -240,7 +240,9 @@ class QuadPlane(_ArduPlaneModes):
         cruise, brakes = (state.settings.get(name) for name in (_CRUISE, _DECELERATION))
         own = state.settings.get("Q_WP_SPEED")
         if cruise is None or not brakes or own is None:
-            raise NotReady("its speeds are not known yet", hint="they are read when it is met; try again")
+            raise NotReady(
+                "its speeds are not known yet", hint="they are read after the vehicle connects; try again"
+            )
         near = _NEAR * cruise**2 / (2 * brakes)
         if metres > near:
             try:

@@ -42,7 +42,7 @@ class Timeouts(Model):
 
     answer: float = Field(1.0, ge=0.1, le=10, description="For an answer, until a command is sent again.")
     tries: int = Field(4, ge=1, le=10, description="How often a command is sent at the most.")
-    working: float = Field(5.0, ge=1, le=120, description="For the next word after it said: in progress.")
+    working: float = Field(5.0, ge=1, le=120, description="For the next acknowledgement after IN_PROGRESS.")
     takeoff: float = Field(90.0, ge=5, le=3600, description="For a take-off.")
     land: float = Field(300.0, ge=5, le=3600, description="For a landing.")
     return_to_home: float = Field(600.0, ge=5, le=7200, description="For a flight home.")
@@ -74,7 +74,7 @@ class MavlinkConfig(AdapterConfig):
     )
     own_component: int = Field(191, ge=1, le=255, description="Our own MAVLink component id.")
     rates: Rates = Field(Rates(), description="How often things are reported.")
-    timeouts: Timeouts = Field(Timeouts(), description="How long is waited for what.")
+    timeouts: Timeouts = Field(Timeouts(), description="Timeouts of commands.")
     motor_joints: tuple[str, ...] = Field(
         (), max_length=4, description="The twin's joints that are the motors, in the autopilot's order."
     )
@@ -130,7 +130,7 @@ class MavlinkConfig(AdapterConfig):
     def _real(cls, links: tuple[str, ...]) -> tuple[str, ...]:
         """Raise ValueError for a simulated link: a simulator cannot be a redundant link to a vehicle."""
         if any(link.startswith("sim:") for link in links):
-            raise ValueError("a simulated vehicle is no second way to one")
+            raise ValueError("a sim: link cannot be a backup link")
         return links
 
     def timeout_of(self, command: str) -> float | None:

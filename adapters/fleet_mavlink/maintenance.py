@@ -57,7 +57,7 @@ class UpkeepCommands(SessionAdapter):
         offset: Annotated[int, Range(0, 2**32 - 1, "bytes")] = 0,
         count: Annotated[int, Range(1, MOST_BYTES, "bytes")] = 32768,
     ) -> dict[str, object]:
-        """Read a part of a log, as base64; ``fleet logs`` reads a whole one."""
+        """Read a part of a log, as base64; ``fleet flight-logs get`` fetches a whole log."""
         data = await self._session.logs.read(id, offset, count)
         return {"offset": offset, "count": len(data), "data": base64.b64encode(data).decode()}
 

@@ -123,7 +123,10 @@ def _require_along(task: RouteTask) -> None:
     """Raise Refused for a task that needs more than motion along the nose."""
     goals = (task.goal,) if isinstance(task, GoTo) else task.goals if isinstance(task, FollowPath) else ()
     if any(goal.yaw is not None for goal in goals):
-        raise Refused("it stands as it comes: it cannot turn to a yaw at a goal", hint="leave the yaw out")
+        raise Refused(
+            "it arrives with the heading of its path: it cannot turn to a yaw at a goal",
+            hint="leave the yaw out",
+        )
     if not isinstance(task, RelativeMove):
         return
     if abs(task.translation.z) > _ALONG:

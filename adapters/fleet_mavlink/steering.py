@@ -27,7 +27,7 @@ class SteeringSettings:
         vehicle = self._vehicle
         while True:
             while not await vehicle.until(self._is_met, _FOREVER):
-                vehicle.log.debug("nothing that steers is met")
+                vehicle.log.debug("no rover or boat is connected")
             reboots, wait = vehicle.state.reboots, _FOREVER
             try:
                 found = await self._parameters.read(_OUTPUTS)

@@ -22,7 +22,7 @@ class WingSettings:
         vehicle = self._vehicle
         while True:
             while not await vehicle.until(self._is_met, _FOREVER):
-                vehicle.log.debug("nothing with wings is met")
+                vehicle.log.debug("no winged vehicle is connected")
             before = vehicle.state.reboots, self._wanted
             for name in self._wanted:
                 if name not in vehicle.state.settings:

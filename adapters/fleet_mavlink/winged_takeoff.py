@@ -35,7 +35,9 @@ class WingedTakeOff:
             return self._altitude
         own = self._vehicle.state.settings.get(name)
         if own is None:
-            raise NotReady(f"{name} is not known yet", hint="it is read when it is met; try again")
+            raise NotReady(
+                f"{name} is not known yet", hint="it is read after the vehicle connects; try again"
+            )
         return min(own, self._altitude)
 
     async def climb(self) -> AsyncIterator[Progress]:

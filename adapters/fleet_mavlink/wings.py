@@ -73,7 +73,9 @@ class Winged(Flavour):
         """
         speeds = [state.settings.get(name) for name in self.airspeeds]
         if None in speeds:
-            raise NotReady("its airspeeds are not known yet", hint="they are read when it is met; try again")
+            raise NotReady(
+                "its airspeeds are not known yet", hint="they are read after the vehicle connects; try again"
+            )
         slowest, cruise, fastest = (each for each in speeds if each is not None)
         speed = min(cruise if wanted is None else wanted, math.inf if limit is None else limit, fastest)
         if speed < slowest:

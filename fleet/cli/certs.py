@@ -128,7 +128,7 @@ def revoke(out: Output, name: str, folder: Path) -> None:
     out.data({"revoked": sorted(revoked)})
     out.say(f"{name} is revoked: it is not issued or renewed again")
     out.note(
-        f"IT STILL COMES IN until {name} is taken out of bus.access of every edge, and these are restarted"
+        f"IT IS STILL ACCEPTED until {name} is removed from bus.access of every edge, and these are restarted"
     )
 
 

@@ -274,7 +274,7 @@ def _remarks(state: RobotState) -> Iterator[str]:
         yield state.cause
     for sender, offset in state.senders.items():
         if abs(offset) > WORTH_TELLING:
-            yield f"the clock of {sender}, or its way, is {offset:.2f} s late"
+            yield f"the clock of {sender} is {offset:.2f} s behind, or the network delays it as much"
     if state.drop_in and not state.worker:
         yield f"{state.drop_in} runs in the edge's own process (worker: main)"
     if state.separation:

@@ -249,13 +249,13 @@ class ActConfig(_Words):
         if self.timeout is not None and said[0] == "follow":
             raise wrong("timeout", "it follows until the others are through: they have timeouts")
         if self.distance is not None and said[0] != "follow":
-            raise wrong("distance", "is said of follow")
+            raise wrong("distance", "is allowed only with follow")
         if self.speed is not None and said[0] not in REPEATABLE | {"follow"}:
-            raise wrong("speed", "is said of goto, path and follow")
+            raise wrong("speed", "is allowed only with goto, path and follow")
         if self.retry and said[0] not in REPEATABLE:
             name = self.command or said[0]
             why = " must not be done twice" if name in NEVER_REPEATED else " is not known to bear it"
-            raise wrong("retry", f"is said of goto and path: {name}{why}")
+            raise wrong("retry", f"is allowed only with goto and path: {name}{why}")
         return self
 
 
@@ -307,7 +307,7 @@ class StepConfig(_Words):
         if self.do is None:
             for key in ("start", "undo"):
                 if getattr(self, key):
-                    raise wrong(key, "is said of a step with do")
+                    raise wrong(key, "is allowed only in a step with do")
         elif not self.do:
             raise wrong("do", "names no role")
         return self
@@ -325,7 +325,7 @@ class StepConfig(_Words):
             raise wrong("do", "a mission is alone in its step: give the other roles steps of their own")
         for key in ("start", "undo", "timeout", "finish"):
             if key in self.model_fields_set:
-                raise wrong(key, "is said of the steps of the mission that this step carries out")
+                raise wrong(key, "is allowed only in the steps of the mission that this step carries out")
         return self
 
 

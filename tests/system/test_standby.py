@@ -401,7 +401,7 @@ def test_no_edge_takes_over_with_another_file_until_a_person_accepts_it(pair):
     wait_until("it has the robots", lambda: other.has_role("holder"))
     said = other.call("failover", other.name, "--accept-file")
     assert said.returncode != 0, "it was asked once more, and hands nothing over"
-    assert "waits for no other file" in said.stdout + said.stderr
+    assert "is not blocked by a different file" in said.stdout + said.stderr
     assert other.has_role("holder")
     other.end()
     other.file = kept

@@ -54,7 +54,7 @@ log = logging.getLogger(__name__)
 LIVE = frozenset({ChangeKind.SETTINGS, ChangeKind.REBUILT})
 MEMBERS = frozenset({ChangeKind.ADDED, ChangeKind.REMOVED})
 LOOSER = "it was rebuilt; what is looser waits until it rests: {}"
-BEFORE = "it has its configuration of before"
+BEFORE = "its previous configuration was restored"
 
 
 class ConfigurationChanges:
@@ -251,7 +251,7 @@ class ConfigurationChanges:
     async def _apply_sections(self, changes: list[Change], new: Loaded, missing: list[str]) -> list[Change]:
         """Apply sections, all or none: they refer to each other, and to robots (none of the ``missing``)."""
         if changes and missing:
-            why = f"they may name {', '.join(missing)}: see there, and apply again"
+            why = f"they may refer to {', '.join(missing)}: see their errors, and apply again"
             return [with_outcome(change, Outcome.REFUSED, why) for change in changes]
         why = "; ".join(filter(None, (self._blocker(change, new) for change in changes)))
         regroups = any(change.name == "groups" for change in changes)

@@ -225,7 +225,8 @@ class Membership:
                 request(lambda _reply: None)
         if await wait_until(lambda: not self._registrations.runs_with(robot.name), LEAVES_WITHIN):
             return ""
-        return f"run {', '.join(self._registrations.runs_with(robot.name))} goes by it: abort that first"
+        runs = ", ".join(self._registrations.runs_with(robot.name))
+        return f"run {runs} still uses this robot: abort the run first"
 
 
 def leave_all(name: str, *parts: Callable[[], None]) -> None:

@@ -118,7 +118,7 @@ def _outward(bridge: Bridge) -> Iterator[Metric]:
         ("conflated", "Samples that a newer one replaced before its turn.", uplink.conflated.by_class()),
         (
             "dropped",
-            "Samples above their rate; streams while the way was full.",
+            "Samples above their rate; samples of streams while the connection was full.",
             uplink.dropped.by_class(),
         ),
     )
@@ -136,7 +136,9 @@ def _inward(bridge: Bridge) -> Iterator[Metric]:
     received = CounterMetricFamily("fleet_inward_received", "Messages from the cloud.", labels=["taker"])
     for taker, count in dict(downlink.received).items():
         received.add_metric([taker], float(count))
-    answered = CounterMetricFamily("fleet_commands_answered", "Asks answered, by status.", labels=["status"])
+    answered = CounterMetricFamily(
+        "fleet_commands_answered", "Requests answered, by status.", labels=["status"]
+    )
     for status, count in dict(downlink.answered).items():
         answered.add_metric([status], float(count))
     refused = CounterMetricFamily("fleet_refused", "Refused at the bridge, by reason.", labels=["reason"])
@@ -166,9 +168,9 @@ def _cloud(bridge: Bridge) -> Iterator[Metric]:
     counters = (
         ("connects", "Times that the connection was made.", stats.connects),
         ("sent", "Messages written.", stats.sent),
-        ("acknowledged", "QoS 1 messages that the broker has.", stats.acked),
+        ("acknowledged", "QoS 1 messages that the broker acknowledged.", stats.acked),
         ("dropped", "Messages that ran out of time or room.", stats.dropped),
-        ("refused", "Messages that the broker would not take.", stats.refused),
+        ("refused", "Messages that the broker refused.", stats.refused),
     )
     for name, about, count in counters:
         yield CounterMetricFamily(f"fleet_cloud_{name}", about, float(count))
@@ -179,10 +181,10 @@ def _spool(figures: SpoolStatistics, now: float) -> Iterator[Metric]:
     gauges = {
         name: GaugeMetricFamily(f"fleet_spool_{name}", about, labels=["traffic"])
         for name, about in (
-            ("messages", "Messages that wait until the cloud has them."),
-            ("on_disk_messages", "Those of them that stand on disk alone."),
-            ("memory_bytes", "Payload of those that stand in memory."),
-            ("oldest_age_seconds", "Since the oldest of them was said; 0 when none waits."),
+            ("messages", "Messages that wait for the cloud."),
+            ("on_disk_messages", "Waiting messages that are on disk only."),
+            ("memory_bytes", "Payload bytes of those in memory."),
+            ("oldest_age_seconds", "Age of the oldest waiting message; 0 without any."),
         )
     }
     for traffic, class_ in figures.classes.items():
@@ -197,8 +199,8 @@ def _spool(figures: SpoolStatistics, now: float) -> Iterator[Metric]:
     for (traffic, reason), count in figures.lost.items():
         lost.add_metric([traffic.word, reason.value], float(count))
     yield lost
-    yield GaugeMetricFamily("fleet_spool_disk_bytes", "Of its file, what holds something.", figures.disk)
+    yield GaugeMetricFamily("fleet_spool_disk_bytes", "Bytes of the spool's file in use.", figures.disk)
     held = "Topics that wait for a subscriber."
     yield GaugeMetricFamily("fleet_spool_held_topics", held, figures.held_topics)
     fine = float(not figures.problem)
-    yield GaugeMetricFamily("fleet_spool_disk_works", "1 unless what waits is kept in memory alone.", fine)
+    yield GaugeMetricFamily("fleet_spool_disk_works", "1 while messages can be written to disk.", fine)

@@ -166,7 +166,7 @@ class Missions:
     def blocker(self, section: str) -> str:
         """Return why a section of fleet.yaml cannot be applied now; empty if it can."""
         runs = ", ".join(run.id for run in self.runs.all()) if section == "places" else ""
-        return f"run {runs} goes by the places: wait for its end" if runs else ""
+        return f"run {runs} uses the places: wait for its end" if runs else ""
 
     def _soon(self, call: Callable[[], None]) -> None:
         """Run a call on the event loop; from any thread."""

@@ -247,7 +247,9 @@ class Standby:
 
         def hand_over() -> None:
             if question.payload == ACCEPT and not self._keeper.lease.differs:
-                reply = Reply(FAILOVER, ReplyStatus.REJECTED, f"edge {self._edge} waits for no other file")
+                reply = Reply(
+                    FAILOVER, ReplyStatus.REJECTED, f"edge {self._edge} is not blocked by a different file"
+                )
             elif question.payload == ACCEPT:
                 log.warning("the robots of edge %s are taken over with another file", self._other)
                 self._keeper.accept()
@@ -332,7 +334,7 @@ class _EpochPermit:
         if not self._holds():
             return "the lease of this edge ends, or has ended"
         if self._begins is None:
-            waits = "it may still do what the edge before asked of it: stop it first"
+            waits = "it may still execute a request of the previous edge: stop it first"
             return None if self._stopped else waits
         left = self._begins - boot_time()
         return f"it may still move for the edge before: wait {left:.1f} s" if left > 0 else None

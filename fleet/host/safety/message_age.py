@@ -128,7 +128,8 @@ class AgeCheck:
     def _late(self, known: _SenderClock, lag: float, max_age: float, *, ordered: bool) -> str | None:
         """Return why a message with this lag is too late; None when it is not."""
         if ordered and known.smallest > self._skew:
-            return f"its sender's clock, or its way, is {known.smallest:.2f} s late; {self._advice()}"
+            behind = f"its sender's clock is {known.smallest:.2f} s behind, or the network delays it as much"
+            return f"{behind}; {self._advice()}"
         age = lag - known.offset
         return f"{age:.1f} s old; the limit is {max_age:g} s" if age > max_age else None
 

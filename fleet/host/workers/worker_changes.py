@@ -122,7 +122,7 @@ class WorkerChanges:
             manager.replace(new)
             return Outcome.PARTLY, f"{trouble}; worker {worker} goes on with the new configuration: {refusal}"
         again = await self._back(manager, started, answered)
-        return Outcome.FAILED, f"{trouble}; " + (again or "it has its configuration of before")
+        return Outcome.FAILED, f"{trouble}; " + (again or "its previous configuration was restored")
 
     async def _back(self, manager: WorkerManager, started: int, robots: list[RemoteRobot]) -> str:
         """Wait until a worker and its robots are back; return which are not."""

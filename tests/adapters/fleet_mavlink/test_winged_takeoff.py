@@ -229,7 +229,7 @@ def test_ardupilot_does_not_take_off_before_its_own_height_is_known(with_plane):
     async def test(plane):
         with pytest.raises(NotReady, match="TKOFF_ALT is not known yet") as caught:
             await plane.climb(60.0)
-        assert caught.value.hint == "it is read when it is met; try again"
+        assert caught.value.hint == "it is read after the vehicle connects; try again"
         assert plane.flight.log == []
 
     with_plane("ardupilot", test, settings={"TKOFF_ALT": None})

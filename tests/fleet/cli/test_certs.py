@@ -93,7 +93,7 @@ def test_a_revoked_name_is_never_issued_again_and_what_makes_it_so_is_said(fleet
     fleet("certs", "issue", "desk", "--as", "console")
     result = fleet("certs", "revoke", "desk")
     assert result.code == 0
-    assert "IT STILL COMES IN until desk is taken out of bus.access of every edge" in result.err
+    assert "IT IS STILL ACCEPTED until desk is removed from bus.access of every edge" in result.err
     assert fleet("certs", "renew", "desk").code == 1
     (site / "desk.pem").unlink()
     assert "desk is revoked" in fleet("certs", "issue", "desk", "--as", "console").err

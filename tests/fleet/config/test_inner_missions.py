@@ -85,7 +85,12 @@ def test_a_mission_may_carry_out_another(problems):
             "scan must be rehearsed",
         ),
         ("mission: scan, timeout: 3 s, with: {height: 3}", SCAN, 12, "a mission has a deadline of its own"),
-        ("look, start: together,", "look,", 12, "is said of the steps of the mission that this step carries"),
+        (
+            "look, start: together,",
+            "look,",
+            12,
+            "is allowed only in the steps of the mission that this step carries",
+        ),
         ("feet: land, all: {mission", "feet: {mission", 12, "a mission is alone in its step"),
     ],
 )

@@ -43,7 +43,7 @@ def test_one_may_follow_one_that_follows_another(tmp_path):
         ("{feet: {goto: [1, 2]}, eye: {follow: feet}}\n    finish: eye", 13, "eye follows, and is never"),
         ("{feet: {goto: [1, 2]}}\n    undo: {eye: {follow: feet}}", 26, "to follow undoes nothing"),
         ("{feet: {goto: [1, 2]}, eye: {follow: feet, timeout: 5 s}}", 52, "they have timeouts"),
-        ("{feet: {goto: [1, 2], distance: 3}}", 31, "is said of follow"),
+        ("{feet: {goto: [1, 2], distance: 3}}", 31, "is allowed only with follow"),
         ("{feet: {goto: [1, 2]}, eye: {follow: feet, retry: 1}}", 52, "is not known to bear it"),
     ],
 )

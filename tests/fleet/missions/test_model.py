@@ -54,9 +54,9 @@ def test_an_act_has_exactly_one_verb(said):
     ("key", "value", "verbs", "refusal"),
     [
         ("with", {"altitude": 5}, {"command", "mission"}, "is the data of a command or the inputs"),
-        ("speed", 1.5, {"goto", "path", "follow"}, "is said of goto, path and follow"),
-        ("distance", 4, {"follow"}, "is said of follow"),
-        ("retry", 1, set(REPEATABLE), "is said of goto and path: "),
+        ("speed", 1.5, {"goto", "path", "follow"}, "is allowed only with goto, path and follow"),
+        ("distance", 4, {"follow"}, "is allowed only with follow"),
+        ("retry", 1, set(REPEATABLE), "is allowed only with goto and path: "),
     ],
 )
 def test_what_is_said_of_some_acts_is_refused_of_the_others(verb, key, value, verbs, refusal):
@@ -75,14 +75,14 @@ def test_only_an_act_that_ends_by_itself_has_a_timeout(verb):
 @pytest.mark.parametrize("command", sorted(NEVER_REPEATED))
 def test_what_must_not_be_done_twice_is_never_tried_again(command):
     assert why(ActConfig, command=command, retry=1) == (
-        f"is said of goto and path: {command} must not be done twice"
+        f"is allowed only with goto and path: {command} must not be done twice"
     )
     assert why(ActConfig, command=command, retry=0) == ""
 
 
 def test_any_other_command_is_not_known_to_bear_a_retry():
     assert why(ActConfig, command="wave", retry=1) == (
-        "is said of goto and path: wave is not known to bear it"
+        "is allowed only with goto and path: wave is not known to bear it"
     )
 
 
@@ -169,7 +169,7 @@ def test_a_step_does_one_thing(action):
 @pytest.mark.parametrize(("key", "value"), [("start", "together"), ("undo", {"all": {"command": "land"}})])
 def test_only_a_step_of_robots_starts_together_or_is_undone(action, key, value):
     refused = why(StepConfig, **{"id": "x", action: ACTIONS[action], key: value})
-    assert refused == ("" if action == "do" else "is said of a step with do")
+    assert refused == ("" if action == "do" else "is allowed only in a step with do")
 
 
 def test_a_step_of_no_role_is_refused():
@@ -192,7 +192,7 @@ def test_a_mission_is_alone_in_its_step():
 def test_a_step_with_a_mission_leaves_to_it_what_is_said_of_steps(key, value):
     """Also where the value is the default: it would have no effect."""
     refused = why(StepConfig, **{"id": "x", "do": {"eye": {"mission": "scan"}}, key: value})
-    assert refused == "is said of the steps of the mission that this step carries out"
+    assert refused == "is allowed only in the steps of the mission that this step carries out"
 
 
 @pytest.mark.parametrize("count", range(4))

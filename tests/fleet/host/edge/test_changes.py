@@ -150,7 +150,7 @@ async def test_places_are_kept_while_a_run_goes_by_them_and_with_them_what_names
     field.place.change(**SECTIONS)
     done = await field.apply()
     assert {done[name].outcome for name in SECTIONS} == {Outcome.REFUSED}
-    assert f"run {run} goes by the places" in done["missions"].why
+    assert f"run {run} uses the places" in done["missions"].why
     await asyncio.to_thread(_abort, field.place, run)
     await field.until(lambda: not field.edge.missions.runs.all())
     assert {change.outcome for change in (await field.apply()).values() if change.section} == {Outcome.DONE}
@@ -267,7 +267,7 @@ async def test_a_robot_that_does_not_come_back_has_its_configuration_of_before(f
     before = field.edge.process.robots["rex"].config
     field.write("rex", journal=str(field.place.file.parent / "nowhere" / "journal"))
     done = (await field.apply())["rex"]
-    assert (done.outcome, "configuration of before" in done.why) == (Outcome.FAILED, True)
+    assert (done.outcome, "previous configuration" in done.why) == (Outcome.FAILED, True)
     assert field.edge.process.robots["rex"].config == before
     await field.until(lambda: field.state("rex").health == "ok")
     assert field.place.words("max") == ["run"]

@@ -224,5 +224,5 @@ async def test_changed_places_are_those_of_the_next_run_and_wait_for_the_end_of_
     assert not edge.missions.runs.places.is_full("dock"), "it can be occupied"
     assert [edge.missions.blocker(section) for section in ("places", "missions")] == ["", ""]
     edge.missions.runs.all = lambda: [SimpleNamespace(id="r1"), SimpleNamespace(id="r2")]
-    assert edge.missions.blocker("places") == "run r1, r2 goes by the places: wait for its end"
+    assert edge.missions.blocker("places") == "run r1, r2 uses the places: wait for its end"
     assert edge.missions.blocker("missions") == ""

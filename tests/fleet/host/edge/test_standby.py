@@ -227,7 +227,7 @@ async def test_a_robot_without_a_fail_safe_is_moved_only_after_a_stop_that_can_h
     pair = make_pair(Robot(failsafe=None))
     await pair.hold()
     permit = pair.robot.controller.permit
-    waits = "it may still do what the edge before asked of it: stop it first"
+    waits = "it may still execute a request of the previous edge: stop it first"
     pair.robot.controller.offline = "silent"
     permit.stopped()
     pair.clock.advance(3600.0)
@@ -315,7 +315,7 @@ async def test_the_lease_is_handed_over_on_request_by_its_holder_alone(pair):
 
 
 async def test_another_file_is_accepted_only_where_one_waits(pair):
-    assert (await pair.request(ACCEPT)).reason == "edge left waits for no other file"
+    assert (await pair.request(ACCEPT)).reason == "edge left is not blocked by a different file"
     pair.keeper.lease.seen = msgspec.structs.replace(OTHER, config="two")
     assert pair.edge.problem.startswith("no takeover from edge right: its file says something else")
     assert (await pair.request(ACCEPT)).ok

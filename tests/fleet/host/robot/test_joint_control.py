@@ -183,7 +183,7 @@ def test_one_whose_place_nobody_knows_is_not_led():
 @pytest.mark.parametrize(
     ("message", "why"),
     [
-        ({"age": 0.9}, "0.90 s late"),
+        ({"age": 0.9}, "0.90 s behind"),
         ({"age": -0.5}, "future"),
         ({"source": "edge_leader"}, "this robot accepts tele"),
         ({"source": "sim_tele"}, "this robot accepts tele"),
@@ -411,7 +411,7 @@ def test_a_leader_that_fell_silent_is_not_followed_again_by_itself(follower):
 
 def test_a_leader_that_is_late_or_out_of_range_does_not_lead(follower):
     follow(follower)
-    assert "0.90 s late" in follower.request(leader_at(follower, 0.5, age=0.9)).reason
+    assert "0.90 s behind" in follower.request(leader_at(follower, 0.5, age=0.9)).reason
     assert "outside" in follower.request(leader_at(follower, 1.5)).reason
     assert not follower.moved
 

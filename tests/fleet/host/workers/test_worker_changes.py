@@ -137,7 +137,7 @@ def test_a_worker_whose_robots_do_not_come_back_runs_with_the_task_of_before():
     worker = Worker("", "")
     (outcome, why), took = changed(worker)
     assert (outcome, round(took)) == (Outcome.FAILED, BACK_WITHIN)
-    assert why.endswith("s: unplugged; it has its configuration of before")
+    assert why.endswith("s: unplugged; its previous configuration was restored")
     assert worker.task == worker.given == b"old"
 
 
@@ -145,7 +145,7 @@ def test_a_worker_that_does_not_come_up_gets_the_task_of_before_though_it_is_sil
     worker = Worker("", "dies", broken=(b"new",))
     (outcome, why), took = changed(worker)
     assert (outcome, round(took)) == (Outcome.FAILED, ENDS_WITHIN)
-    assert why == "worker limbs did not come up within 15 s; it has its configuration of before"
+    assert why == "worker limbs did not come up within 15 s; its previous configuration was restored"
     assert worker.given == b"old"
 
 
