@@ -80,7 +80,7 @@ BUT = (
     "adapters/fleet_mavlink/test_kill_and_home.py",
     "adapters/fleet_mavlink/test_readiness.py",
     "adapters/fleet_mavlink/test_replay.py",
-    "adapters/fleet_mavlink/test_turns.py",
+    "adapters/fleet_mavlink/test_command_queue.py",
     "adapters/fleet_mavlink/test_vocabulary.py",
     "adapters/fleet_mavlink/test_watching.py",
     "adapters/fleet_mavlink/test_gps_loss.py",

@@ -9,7 +9,7 @@ import msgspec
 from fleet_mavlink.messages import StatusTextMessage
 
 CHUNK = 50  # characters of a full chunk
-PATIENCE = 1.0  # s to wait for the next chunk
+CHUNK_TIMEOUT = 1.0  # s to wait for the next chunk
 _OPEN = 8  # incomplete texts kept for one vehicle; the oldest are dropped first
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]+")
 WARNING = 4  # MAV_SEVERITY: this or lower is a problem
@@ -63,7 +63,7 @@ class StatusTextAssembler:
 
     def late(self, now: float) -> list[Sentence]:
         """Return the texts whose next chunk is overdue."""
-        overdue = [key for key, pieces in self._open.items() if now - pieces.at > PATIENCE]
+        overdue = [key for key, pieces in self._open.items() if now - pieces.at > CHUNK_TIMEOUT]
         return [sentence for key in overdue for sentence in self._close(key)]
 
     def _close(self, key: int) -> list[Sentence]:

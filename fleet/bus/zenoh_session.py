@@ -26,6 +26,7 @@ log = logging.getLogger(__name__)
 OnSample = Callable[[str, bytes], None]
 OnNoted = Callable[[bytes, bytes], None]
 OnSamples = Callable[[list[tuple[str, bytes]]], None]
+OnQuery = Callable[["Query"], None]
 
 GATHERED = 128
 """Samples that may wait for the gathering thread; more wait in the socket, then publishers block.
@@ -36,7 +37,7 @@ AT_ONCE = 200
 """Maximum number of samples in one call."""
 UNSURE = 100
 """Samples that a new publisher sends in any case: Zenoh reports its subscribers a moment later."""
-LAST_CALL = 2.0
+CALL_END_TIMEOUT = 2.0
 """Seconds to wait, on close, for a call with samples to return."""
 
 
@@ -150,7 +151,7 @@ class ZenohSession:
         self._session.close()
         # A thread that returns from Zenoh after the interpreter has ended would abort the process.
         for thread in tuple(self._threads):
-            thread.join(LAST_CALL)
+            thread.join(CALL_END_TIMEOUT)
 
     def reached(self) -> list[str]:
         """Return the endpoints of all links that are up, as Zenoh writes them (names are resolved)."""
@@ -243,14 +244,12 @@ class ZenohSession:
         def end() -> None:
             undeclare()
             if thread in self._threads:
-                thread.join(LAST_CALL)
+                thread.join(CALL_END_TIMEOUT)
                 self._threads.remove(thread)
 
         return end
 
-    def declare_queryable(
-        self, key: str, call: Callable[[Query], None], *, more: str = ""
-    ) -> Callable[[], None]:
+    def declare_queryable(self, key: str, call: OnQuery, *, more: str = "") -> Callable[[], None]:
         """Call ``call`` with each query on ``key``; it, or other code later, must reply to and close it.
 
         With ``more`` (``/as/*/*``) also on keys with these additional chunks. Return a function that ends it.

@@ -52,7 +52,7 @@ WAITING = 5000  # maximum number of events in memory
 RETRY_AFTER = 5.0  # s until the next attempt after a failed write
 BUSY = 0.2
 """Seconds to wait for another process that opens or writes; it also delays the record of a stop."""
-LAST_PATIENCE = 2.0  # s to wait for the lock in the last write of the process
+LAST_LOCK_TIMEOUT = 2.0  # s to wait for the lock in the last write of the process
 PRUNE_EVERY = 60.0  # s
 AT_ONCE = 1000  # rows deleted in one commit
 NEWEST = 1000
@@ -86,7 +86,7 @@ class History:
         self._bounds = bounds or HistoryBounds()
         self._waiting: deque[RecordRow] = deque()
         self._lost = 0
-        self._patience = BUSY
+        self._lock_timeout = BUSY
         self._database: sqlite3.Connection | None = None
         self._try_at = float("-inf")
         self._prune_at = float("-inf")
@@ -123,9 +123,9 @@ class History:
     def close(self) -> None:
         """Write the waiting events a last time and close the file; only on a thread that may block."""
         self._try_at = float("-inf")
-        self._patience = LAST_PATIENCE
+        self._lock_timeout = LAST_LOCK_TIMEOUT
         if self._database is not None:
-            self._database.execute(f"PRAGMA busy_timeout = {LAST_PATIENCE * 1000:.0f}")
+            self._database.execute(f"PRAGMA busy_timeout = {LAST_LOCK_TIMEOUT * 1000:.0f}")
         self.write()
         self._close_file()
 
@@ -137,8 +137,8 @@ class History:
         if self._database is None:
             create_folder(self.folder)
             try:
-                with locked(path, within=self._patience):
-                    self._database, _ = open_checked(path, FORMATS, "NORMAL", busy=self._patience)
+                with locked(path, within=self._lock_timeout):
+                    self._database, _ = open_checked(path, FORMATS, "NORMAL", busy=self._lock_timeout)
             except StateTaken:
                 raise StateError(f"another process is just opening {path}") from None
         return self._database

@@ -22,7 +22,7 @@ from fleet.supervisor.protocol import (
     WriteUntil,
 )
 
-LAST_CHANCE = 0.4  # s before the right to write ends in which halts are written
+HALT_MARGIN = 0.4  # s before the right to write ends in which halts are written
 
 Write = Callable[[bytes], object]
 
@@ -127,7 +127,7 @@ class ProcessHalts:
     @property
     def must_halt(self) -> bool:
         """True just before the right to write ends while robots are still registered: their process hangs."""
-        return self.until is not None and bool(self._kept) and 0 < self.until - boot_time() < LAST_CHANCE
+        return self.until is not None and bool(self._kept) and 0 < self.until - boot_time() < HALT_MARGIN
 
     def close(self) -> None:
         """Remove all halts."""

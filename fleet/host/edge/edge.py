@@ -379,12 +379,7 @@ class Edge:
 
     def _requested_health(self, question: Query) -> None:
         """Answer with the edge's state; on the bus's thread."""
-
-        def tell() -> None:
-            question.reply(msgspec.json.encode(self.state()))
-            question.close()
-
-        self._soon(tell)
+        self._soon(lambda: question.answer(msgspec.json.encode(self.state())))
 
     def _alive(self, name: str) -> bool:
         """Return True while a robot is reachable."""

@@ -35,7 +35,7 @@ log = logging.getLogger(__name__)
 
 WAITING = 100  # events of one target in memory at most
 WAITS = (1.0, 5.0)  # s before the second and the third attempt
-LAST_WORDS = 2.0  # s for waiting notices when the edge ends
+FLUSH_TIMEOUT = 2.0  # s for waiting notices when the edge ends
 GRAVE = frozenset({Severity.ERROR, Severity.CRITICAL})
 """Events of these severities are sent whatever their kind."""
 
@@ -158,7 +158,7 @@ class NoticeTarget:
 
     def join(self) -> None:
         """Wait a moment for the last notice."""
-        self._thread.join(LAST_WORDS)
+        self._thread.join(FLUSH_TIMEOUT)
 
     def _run(self) -> None:
         """Thread: send the queued notices."""

@@ -49,7 +49,7 @@ SETTLED = 5.0  # s after which most long-lived objects exist
 YOUNG = 20_000  # net new objects that start a collection of the youngest generation
 STATE_EVERY = 1.0  # s between states of a robot that does not change
 SHUTDOWN = 8.0  # s for all robots to come to a standstill when the process ends
-LAST_WORDS = 1.0  # s for the last log line before the process exits
+FLUSH_TIMEOUT = 1.0  # s for the last log line before the process exits
 
 
 class RobotSpec(msgspec.Struct, frozen=True):
@@ -318,5 +318,5 @@ class RobotProcess:
     def _stuck(self, name: str) -> None:
         """Exit the process, whose robots are halted already; its supervisor restarts it."""
         text = f"the event loop is stuck in {name}: this process ends now"
-        run_in_thread(partial(log_and_flush, log, text, within=LAST_WORDS), wait=LAST_WORDS)
+        run_in_thread(partial(log_and_flush, log, text, within=FLUSH_TIMEOUT), wait=FLUSH_TIMEOUT)
         os._exit(70)

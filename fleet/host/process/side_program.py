@@ -21,7 +21,7 @@ from fleet.plugins.probe import bare_environment
 
 log = logging.getLogger(__name__)
 
-LAST_WORDS = 1.0  # s for reading the rest of an ended program's output
+FLUSH_TIMEOUT = 1.0  # s for reading the rest of an ended program's output
 LEAVE_WITHIN = 6.0  # s to terminate; a program that is just joining an edge waits for it
 STABLE_AFTER = 30.0  # s of life after which the next restart is quick again
 PARENT_LOOK = 0.5  # s between checks that the parent is alive
@@ -86,7 +86,7 @@ class SideProgram:
         try:
             code = await process.wait()
             if self._heard:  # the rest of its output may be unread
-                await asyncio.wait({watching}, timeout=LAST_WORDS)
+                await asyncio.wait({watching}, timeout=FLUSH_TIMEOUT)
             return code
         finally:
             watching.cancel()

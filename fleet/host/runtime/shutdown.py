@@ -7,12 +7,12 @@ import sys
 import threading
 import time
 
-PATIENCE = 2.0  # s for remaining threads to end by themselves
+THREAD_END_TIMEOUT = 2.0  # s for remaining threads to end by themselves
 
 
 def shutdown(code: int) -> int:
     """Return the exit code once all threads have ended; if one hangs, exit at once."""
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + THREAD_END_TIMEOUT
     others = [
         each for each in threading.enumerate() if not each.daemon and each is not threading.main_thread()
     ]

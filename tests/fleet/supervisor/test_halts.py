@@ -9,7 +9,7 @@ import tty
 import pytest
 
 from fleet.link.gate import boot_time
-from fleet.supervisor.halts import LAST_CHANCE, ProcessHalts, RegisteredHalt, registered_halt
+from fleet.supervisor.halts import HALT_MARGIN, ProcessHalts, RegisteredHalt, registered_halt
 from fleet.supervisor.protocol import WriteUntil
 
 
@@ -100,7 +100,7 @@ def test_halts_are_due_just_before_the_right_to_write_ends():
     assert not halts.must_halt
     halts.apply(WriteUntil(boot_time() + 60.0), [])
     assert not halts.must_halt
-    halts.apply(WriteUntil(boot_time() + LAST_CHANCE / 2), [])
+    halts.apply(WriteUntil(boot_time() + HALT_MARGIN / 2), [])
     assert halts.must_halt
     halts.drop("rex")
     assert not halts.must_halt

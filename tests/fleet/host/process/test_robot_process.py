@@ -93,7 +93,7 @@ async def test_a_process_that_gives_itself_up_has_its_last_words_in_the_log_file
 ):
     process, _ = served
     path, found = tmp_path / "main.jsonl", []
-    monkeypatch.setattr("fleet.host.process.robot_process.LAST_WORDS", 20.0)
+    monkeypatch.setattr("fleet.host.process.robot_process.FLUSH_TIMEOUT", 20.0)
     monkeypatch.setattr("os._exit", lambda code: found.append((code, path.read_text())))
     logging.getLogger().addHandler(file := RotatingLogFile(path, JsonFormatter()))
     try:

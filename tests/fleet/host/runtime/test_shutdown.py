@@ -11,7 +11,7 @@ from fleet.runtime.event_loop import run
 GOES_ON = """
 import sys, threading
 from fleet.host.runtime import shutdown
-shutdown.PATIENCE = 0.01
+shutdown.THREAD_END_TIMEOUT = 0.01
 threading.Thread(target=threading.Event().wait, name="pump").start()
 sys.exit(shutdown.shutdown(7))
 """
