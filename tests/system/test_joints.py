@@ -121,14 +121,14 @@ def test_targets_of_a_leader_in_the_cloud_lead_and_whatever_is_wrong_with_them_i
     held = stays(board)  # nothing is said, so it holds
     assert pan(board) == pytest.approx(-0.5, abs=0.06)
     wrong = {
-        "late": {"timestamp": time.time() - 3.0, "positions": {"pan": 1.0}},
+        "behind": {"timestamp": time.time() - 3.0, "positions": {"pan": 1.0}},
         "outside": {"positions": {"pan": 4.0}},
         "no joint": {"positions": {"elbow": 0.1}},
         "this robot accepts": {"source_type": "edit", "positions": {"pan": 1.0}},
         "positions.pan": {"positions": {"pan": "far"}},
     }
     for why, message in wrong.items():
-        session = f"arm {why}" if why == "late" else "arm"
+        session = f"arm {why}" if why == "behind" else "arm"
 
         def is_reported(why=why, message=message, session=session):
             lead(**message, session_id=session)

@@ -32,7 +32,7 @@ _STILL = Twist()
 
 
 class SelfWalkController:
-    """Controller of a self-walking robot: ``begin`` polls, ``handle_frame`` receives, ``finish`` decides."""
+    """Controls a self-walking machine: ``begin`` polls, ``handle_frame`` receives, ``finish`` decides."""
 
     def __init__(self, walker: SelfWalker, buses: Mapping[str, CanBus]) -> None:
         self.walker = walker
