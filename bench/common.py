@@ -21,14 +21,13 @@ import psutil
 from fleet.bus.settings import MEMORY
 from tests.programs import find
 from tests.tools.command_client import PUPPETS
+from tests.tools.ports import free_ports
 
 NAMESPACE = uuid.UUID("00000000-0000-4000-8000-00000000be7c")
 
 
 def free_port(kind=socket.SOCK_STREAM):
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+    return free_ports(1, kind)[0]
 
 
 def twin_of(name):

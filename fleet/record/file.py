@@ -24,8 +24,8 @@ from fleet.version import __version__
 CHUNK = 256 * 1024
 """Bytes of a chunk before compression; a larger message has a chunk of its own."""
 
-HEADLESS = ".headless"
-"""Name of the file whose head is not written yet; a folder has one recorder."""
+PARTIAL = ".partial"
+"""Name of a file until its header is written; a folder has one recorder."""
 
 _RECORD = struct.Struct("<BQ")  # opcode, length of the content
 
@@ -83,15 +83,15 @@ class _BufferedFile:
 class RecordingFile:
     """A new MCAP file at ``path``, for this user only; raises OSError.
 
-    It gets this name when its head is written, so that nobody finds a file without one. After an OSError in
+    It gets this name when its header is written, so that nobody finds a file without one. After an OSError in
     ``flush`` it has ``failed``: nothing more can be added; ``close`` it, and ``repair``.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        headless = path.with_name(HEADLESS)
-        headless.unlink(missing_ok=True)  # left by a recorder that was killed
-        self._output = _BufferedFile(headless)
+        partial = path.with_name(PARTIAL)
+        partial.unlink(missing_ok=True)  # left by a recorder that was killed
+        self._output = _BufferedFile(partial)
         output: Any = self._output
         self._writer = Writer(output, chunk_size=CHUNK, compression=CompressionType.ZSTD)
         self._schemas: dict[str, int] = {}
@@ -101,10 +101,10 @@ class RecordingFile:
         try:
             self._writer.start(library=f"fleet {__version__}")
             self.flush()
-            headless.rename(path)
+            partial.rename(path)
         except OSError:
             self._output.close()
-            headless.unlink(missing_ok=True)
+            partial.unlink(missing_ok=True)
             raise
 
     @property

@@ -35,7 +35,7 @@ const open = new Map(); // time of sending, by number
 let pad = null; // {robot, limits, share, words}
 let timer = 0;
 let number = 0;
-let top = null; // its place on the page, px
+let padTop = null; // its place on the page, px
 let movedAt = -Infinity;
 
 function velocity() {
@@ -142,8 +142,8 @@ export function padOf(robot, told) {
 
 // Record where the pad is; a press right after it has moved does nothing.
 export function movePad(place) {
-  if (pad && top !== null && place !== top) movedAt = performance.now();
-  top = pad ? place : null;
+  if (pad && padTop !== null && place !== padTop) movedAt = performance.now();
+  padTop = pad ? place : null;
 }
 
 export function noPad() {

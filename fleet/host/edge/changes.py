@@ -28,7 +28,7 @@ from fleet.host.edge.shown_configuration import shown_configuration
 from fleet.host.edge.stops_during_change import StopsDuringChange
 from fleet.host.edge.worker_file_changes import WorkerFileChanges, partly_text, with_outcome
 from fleet.host.edge.worker_members import WorkerMembership
-from fleet.host.process.rebuild import apply_configuration, hold, rebuild
+from fleet.host.process.rebuild import RESTORED, apply_configuration, hold, rebuild
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.process.stop_service import merged_groups, replace_groups
 from fleet.host.robot.local_robot import LocalRobot
@@ -54,7 +54,6 @@ log = logging.getLogger(__name__)
 LIVE = frozenset({ChangeKind.SETTINGS, ChangeKind.REBUILT})
 MEMBERS = frozenset({ChangeKind.ADDED, ChangeKind.REMOVED})
 LOOSER = "it was rebuilt; what is looser waits until it rests: {}"
-BEFORE = "its previous configuration was restored"
 
 
 class ConfigurationChanges:
@@ -294,7 +293,7 @@ class ConfigurationChanges:
             config = merge_stricter(robot.config, config, limits=can.limits, separation=can.separation)
         trouble = apply_configuration(robot, config) if live else await rebuild(self._process, robot, config)
         if trouble:
-            return with_outcome(change, Outcome.FAILED, f"{trouble}; {BEFORE}")
+            return with_outcome(change, Outcome.FAILED, f"{trouble}; {RESTORED}")
         known = {field: getattr(config, field) for field in SETTINGS} if moves else {}
         running = _config_of(new, change.name).model_copy(update=known)
         self._runs_with({change.name: running}, {change.name: new.given[change.name]})
@@ -309,7 +308,7 @@ class ConfigurationChanges:
         name = robot.name
         held = hold(robot, config, whole=change.kind is ChangeKind.SETTINGS)
         if held.trouble:
-            return with_outcome(change, Outcome.FAILED, f"{held.trouble}; {BEFORE}")
+            return with_outcome(change, Outcome.FAILED, f"{held.trouble}; {RESTORED}")
         if held.complete:
             self._runs_with({name: _config_of(new, name)}, {name: new.given[name]})
             return with_outcome(change, Outcome.DONE)

@@ -22,6 +22,7 @@ log = logging.getLogger(__name__)
 ENDS_WITHIN = 12.0  # s for a run to bring its robot to a standstill and end
 BACK_WITHIN = 20.0  # s for a robot that was online to be online again
 POLL_INTERVAL = 0.05  # s between checks
+RESTORED = "its previous configuration was restored"
 
 
 async def rebuild(process: RobotProcess, robot: LocalRobot, config: AdapterConfig) -> str:

@@ -11,7 +11,7 @@ import msgspec
 from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.config.load import Loaded
-from fleet.host.process.rebuild import BACK_WITHIN, wait_until
+from fleet.host.process.rebuild import BACK_WITHIN, RESTORED, wait_until
 from fleet.host.robot.rest_check import STILL
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_manager import WorkerManager
@@ -122,7 +122,7 @@ class WorkerChanges:
             manager.replace(new)
             return Outcome.PARTLY, f"{trouble}; worker {worker} goes on with the new configuration: {refusal}"
         again = await self._back(manager, started, answered)
-        return Outcome.FAILED, f"{trouble}; " + (again or "its previous configuration was restored")
+        return Outcome.FAILED, f"{trouble}; " + (again or RESTORED)
 
     async def _back(self, manager: WorkerManager, started: int, robots: list[RemoteRobot]) -> str:
         """Wait until a worker and its robots are back; return which are not."""

@@ -21,6 +21,7 @@ from fleet.testing.robot import LoopRobot, serve
 from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.sim.params import ardupilot_params
+from tests.tools.ports import free_ports
 
 TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"
 LIMIT = 60  # seconds for one wait, on a busy computer
@@ -30,13 +31,7 @@ MAVSDK_SYSTEM = 245  # of its ground stations
 @pytest.fixture
 def two_free_udp_ports():
     """Find two UDP ports that nobody uses."""
-    with (
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one,
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
-    ):
-        for probe in (one, other):
-            probe.bind(("127.0.0.1", 0))
-        return one.getsockname()[1], other.getsockname()[1]
+    return free_ports(2, socket.SOCK_DGRAM)
 
 
 @contextlib.asynccontextmanager

@@ -24,6 +24,7 @@ from fleet.history.event_filter import EventFilter
 from fleet.history.reader import read
 from fleet.testing.clock import ManualClock
 from tests.tools.passwords import quick_hash
+from tests.tools.ports import free_ports
 from tests.tools.waiting import DEADLINE, wait_until
 
 PASSWORD = "correct horse battery"
@@ -50,11 +51,6 @@ def task_in(folder, port, **fields):
     cert, key, people = (str(folder / name) for name in ("web.pem", "web.key", "people.json"))
     place = HistoryPlace(str(folder / "state"), 1 << 20, 86400.0)
     return LoginTask("127.0.0.1", port, cert, key, people, place, **fields)
-
-
-def port_of_nobody():
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        return probe.getsockname()[1]
 
 
 class Beyond:
@@ -147,7 +143,7 @@ def beyond(runtime, serve_console, folder, kept, background_loop):
     """Serve a console beyond loopback, at which three people may log in."""
     for name, permission in (("anna", "operate"), ("vera", "view"), ("adam", "admin")):
         add_person(folder / "people.json", Person(name, permission, kept))
-    port = port_of_nobody()
+    (port,) = free_ports(1)
     with serve_console(runtime, "beyond", login=task_in(folder, port)) as served:
         beyond = Beyond(folder, port, background_loop)
         beyond.console = served

@@ -6,7 +6,7 @@ import stat
 import pytest
 from mcap.reader import make_reader
 
-from fleet.record.file import END, HEADLESS, RecordingFile, repair
+from fleet.record.file import END, PARTIAL, RecordingFile, repair
 from fleet.record.messages import Message
 
 
@@ -88,7 +88,7 @@ def fail(*_):
     raise OSError(28, "No space left on device")
 
 
-def test_a_file_has_its_head_from_the_moment_it_can_be_found(tmp_path, read_back, monkeypatch):
+def test_a_file_has_its_header_from_the_moment_it_can_be_found(tmp_path, read_back, monkeypatch):
     found, pwrite = [], os.pwrite
 
     def looked_for(*arguments):
@@ -96,14 +96,14 @@ def test_a_file_has_its_head_from_the_moment_it_can_be_found(tmp_path, read_back
         return pwrite(*arguments)
 
     monkeypatch.setattr(os, "pwrite", looked_for)
-    (tmp_path / HEADLESS).write_bytes(b"left by a recorder that was killed")
+    (tmp_path / PARTIAL).write_bytes(b"left by a recorder that was killed")
     file = RecordingFile(tmp_path / "one.mcap")
     assert (found, read_back(tmp_path / "one.mcap")) == ([[]], [])
     assert list(tmp_path.iterdir()) == [file.path]
     file.close()
 
 
-def test_a_disk_that_fails_at_the_head_leaves_neither_file_nor_descriptor(tmp_path, monkeypatch):
+def test_a_disk_that_fails_at_the_header_leaves_neither_file_nor_descriptor(tmp_path, monkeypatch):
     descriptors = []
 
     def fail_at_once(descriptor, *_):

@@ -1,7 +1,6 @@
 """The lease in a real NATS server: compare-and-set, deletion, silence, and what is no lease."""
 
 import re
-import socket
 
 import nats
 import pytest
@@ -73,9 +72,7 @@ async def test_what_is_no_lease_is_reported_and_not_taken_for_a_free_one(lease, 
         await lease.read()
 
 
-async def test_a_server_that_is_away_is_reported():
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        address = f"nats://127.0.0.1:{free.getsockname()[1]}"
-        with pytest.raises(StateError, match=r"does not answer: \w"):
-            await NatsLease(ServiceSettings((address,)), "pair").read()
+async def test_a_server_that_is_away_is_reported(free_port):
+    address = f"nats://127.0.0.1:{free_port}"
+    with pytest.raises(StateError, match=r"does not answer: \w"):
+        await NatsLease(ServiceSettings((address,)), "pair").read()
